@@ -1,0 +1,14 @@
+//! rigbench measures what each way of lighting dynamic objects with probes buys for its cost.
+//!
+//! Modules stand in one order, and a module uses only modules above it (`tests/architecture.rs` holds that):
+//! knowledge, catalogue, flow. ARCHITECTURE.md has the picture.
+
+// Knowledge: quantities, spherical harmonics, lights, scenes, rays.
+pub mod input;
+pub mod light;
+pub mod math;
+pub mod scene;
+pub mod sh;
+
+// Catalogue: what can be measured and how.
+pub mod rig;

@@ -1,0 +1,74 @@
+use super::{LightShape, ShGradient, Term};
+use crate::math::{Real, Rgb, Vector3};
+use crate::sh::{Lobe, ShRgb, basis, basis_gradient};
+
+/// A point source: E = I f(n . w) / d^2 with w = (position - p)/d; L_i = I Y_i(w) / d^2.
+/// At the source itself the term is dropped and counted.
+#[derive(Clone, Debug)]
+pub struct Point<T> {
+    pub position: Vector3<T>,
+    /// Radiant intensity, W sr^-1.
+    pub intensity: Rgb<T>,
+}
+
+impl Point<f64> {
+    pub fn relative_to<T: Real>(&self, origin: glam::DVec3) -> Point<T> {
+        Point {
+            position: Vector3::of(self.position.to_double() - origin),
+            intensity: Rgb::of(self.intensity.to_array()),
+        }
+    }
+}
+
+impl<T: Real> Point<T> {
+    /// Unit direction to the source and 1/d; `None` where 1/d^2 is not finite.
+    #[inline(always)]
+    fn seen_from(&self, p: Vector3<T>) -> Option<(Vector3<T>, T)> {
+        let to = self.position - p;
+        let inverse = T::one() / to.length();
+        let direction = to.normalized()?;
+        ((inverse * inverse) * inverse * self.intensity.max_abs()).is_finite().then_some((direction, inverse))
+    }
+}
+
+impl<T: Real> LightShape<T> for Point<T> {
+    fn radiance(&self, _p: Vector3<T>, _direction: Vector3<T>) -> Rgb<T> {
+        Rgb::zero()
+    }
+
+    fn irradiance(&self, p: Vector3<T>, n: Vector3<T>, lobe: &Lobe<T>) -> Term<Rgb<T>> {
+        match self.seen_from(p) {
+            Some((w, inverse)) => Term::regular(self.intensity * (inverse * inverse * lobe.value(n.dot(w)))),
+            None => Term::dropped(Rgb::zero()),
+        }
+    }
+
+    fn projection<const C: usize>(&self, p: Vector3<T>) -> Term<ShRgb<T, C>> {
+        match self.seen_from(p) {
+            Some((w, inverse)) => {
+                let scale = self.intensity * (inverse * inverse);
+                Term::regular(basis::<T, C>(w).map(|y| scale * y))
+            }
+            None => Term::dropped([Rgb::zero(); C]),
+        }
+    }
+
+    /// grad_p L_i = I/d^3 (2 w Y_i - grad_S Y_i), grad_S Y = g - (g . w) w with g the polynomial's gradient.
+    fn projection_with_gradient<const C: usize>(&self, p: Vector3<T>) -> Term<ShGradient<T, C>> {
+        let Some((w, inverse)) = self.seen_from(p) else {
+            return Term::dropped(ShGradient::zero());
+        };
+        let (values, gradients) = basis_gradient::<T, C>(w);
+        let mut sh = ShGradient::zero();
+        let scale = self.intensity * (inverse * inverse);
+        for i in 0..C {
+            sh.value[i] = scale * values[i];
+            let surface = gradients[i] - w * gradients[i].dot(w);
+            let slope = (w * (T::of(2.0) * values[i]) - surface) * inverse;
+            for axis in 0..3 {
+                sh.gradient[axis][i] = scale * slope[axis];
+            }
+        }
+        Term::regular(sh)
+    }
+}

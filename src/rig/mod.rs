@@ -1,0 +1,217 @@
+//! Rig models, one file each: where a rig wants probe samples, how they become parameters, how parameters become light at a point.
+//!
+//! Every rig is linear in the SH vectors that it keeps: l(q) = sum_k w_k(q) v_k, where v_k are sampled values, sampled derivatives or
+//! fitted coefficients and the weights depend on the place alone. A rig therefore says three things: its [`Rig::placement`],
+//! its [`Rig::fit`] (by default the samples as they are), and its weights ([`RigModel::taps`]).
+//! One evaluation loop serves them all; a rig may bring a faster one of its own ([`RigModel::irradiance`]).
+//!
+//! Coordinates: q is in metres along the axes of the receiver's oriented box, from the box's centre; `half` holds the half extents,
+//! any of which may be 0. SH coefficients stay in the world's frame. A rig's WGSL twin lies beside it and defines
+//! `fn rig_taps(q: vec3f)`, which calls `tap(vector: u32, weight: f32)` in the same order as the Rust.
+
+mod constant;
+
+pub use constant::Constant;
+
+use crate::math::{Real, Rgb, Vector3};
+use crate::sh::{MAX_ORDER, basis, coefficients, spread};
+
+/// A place where a rig wants a probe sample, with the derivatives that it asks for along the box's axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SampleRequest {
+    /// Box coordinates, metres from the centre.
+    pub position: [f64; 3],
+    /// Which of the box's axes it wants the derivative along.
+    pub derivatives: [bool; 3],
+}
+
+impl SampleRequest {
+    pub fn value_at(position: [f64; 3]) -> Self {
+        Self { position, derivatives: [false; 3] }
+    }
+    /// SH vectors that this sample yields: its value, then its derivatives in the order of the axes.
+    pub fn vectors(&self) -> usize {
+        1 + self.derivatives.iter().filter(|d| **d).count()
+    }
+}
+
+/// SH vectors side by side: `data[(vector * order^2 + coefficient) * 3 + channel]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ShVectors<T> {
+    pub order: usize,
+    pub data: Vec<T>,
+}
+
+impl<T: Real> ShVectors<T> {
+    pub fn zeros(order: usize, vectors: usize) -> Self {
+        Self { order, data: vec![T::zero(); vectors * coefficients(order) * 3] }
+    }
+    /// Numbers in one vector.
+    pub fn stride(&self) -> usize {
+        coefficients(self.order) * 3
+    }
+    pub fn count(&self) -> usize {
+        self.data.len() / self.stride()
+    }
+    pub fn vector(&self, index: usize) -> &[T] {
+        &self.data[index * self.stride()..(index + 1) * self.stride()]
+    }
+    pub fn push<const C: usize>(&mut self, vector: &[Rgb<T>; C]) {
+        debug_assert_eq!(C, coefficients(self.order));
+        self.data.extend(vector.iter().flat_map(|v| v.to_array()));
+    }
+    /// The same vectors in another precision.
+    pub fn rounded<U: Real>(&self) -> ShVectors<U> {
+        ShVectors { order: self.order, data: self.data.iter().map(|v| U::of(v.to_double())).collect() }
+    }
+    /// Radiance coefficients times the factors of a lobe's bands: irradiance coefficients.
+    pub fn convolved(mut self, bands: &[T; MAX_ORDER]) -> Self {
+        let factors: [T; 36] = spread(bands);
+        for vector in self.data.chunks_exact_mut(coefficients(self.order) * 3) {
+            for (i, channels) in vector.chunks_exact_mut(3).enumerate() {
+                channels.iter_mut().for_each(|c| *c *= factors[i]);
+            }
+        }
+        self
+    }
+}
+
+/// What a fit gives: the vectors that the rig keeps, and the condition number where a system was solved.
+#[derive(Clone, Debug)]
+pub struct Fit<T> {
+    pub vectors: ShVectors<T>,
+    pub condition: Option<f64>,
+}
+
+/// Points to light, structure of arrays: box coordinates and world normals.
+#[derive(Clone, Debug, Default)]
+pub struct LocalPoints<T> {
+    pub q: [Vec<T>; 3],
+    pub n: [Vec<T>; 3],
+}
+
+impl<T: Real> LocalPoints<T> {
+    pub fn len(&self) -> usize {
+        self.q[0].len()
+    }
+    pub fn is_empty(&self) -> bool {
+        self.q[0].is_empty()
+    }
+    #[inline(always)]
+    pub fn q(&self, i: usize) -> Vector3<T> {
+        Vector3::new(self.q[0][i], self.q[1][i], self.q[2][i])
+    }
+    #[inline(always)]
+    pub fn n(&self, i: usize) -> Vector3<T> {
+        Vector3::new(self.n[0][i], self.n[1][i], self.n[2][i])
+    }
+    pub fn push(&mut self, q: glam::DVec3, n: glam::DVec3) {
+        for axis in 0..3 {
+            self.q[axis].push(T::of(q[axis]));
+            self.n[axis].push(T::of(n[axis]));
+        }
+    }
+}
+
+/// A rig as an experiment configures it.
+pub trait Rig {
+    /// Where it wants samples in a box of these half extents.
+    fn placement(&self, half: [f64; 3]) -> Vec<SampleRequest>;
+
+    /// From the sampled vectors (per request: value, then derivatives asked for) to the vectors that are kept.
+    fn fit<T: Real>(&self, half: [f64; 3], sampled: ShVectors<T>) -> Fit<T> {
+        let _ = half;
+        Fit { vectors: sampled, condition: None }
+    }
+
+    /// The weights over a box of these half extents.
+    fn model<T: Real>(&self, half: [f64; 3]) -> Model<T>;
+
+    /// WGSL that defines `fn rig_taps(q: vec3f)` for a box of these half extents, constants printed from here.
+    fn wgsl(&self, half: [f64; 3]) -> String;
+}
+
+/// The weights of a rig at a place.
+pub trait RigModel<T: Real> {
+    /// Calls `tap(vector, weight)` for every vector that counts at `q`.
+    fn taps(&self, q: Vector3<T>, tap: &mut impl FnMut(usize, T));
+
+    /// E at every point from irradiance coefficients ([`ShVectors::convolved`]), order `C = order^2`.
+    /// This is the shortest correct form, one point at a time; faster ones are tested against it.
+    fn irradiance<const C: usize>(&self, vectors: &ShVectors<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
+        plain_irradiance::<T, Self, C>(self, vectors, points, out);
+    }
+}
+
+/// The evaluation that every rig has: basis at the normal, then the weighted sum of dot products.
+pub fn plain_irradiance<T: Real, M: RigModel<T> + ?Sized, const C: usize>(
+    model: &M,
+    vectors: &ShVectors<T>,
+    points: &LocalPoints<T>,
+    out: &mut [Rgb<T>],
+) {
+    for (i, e) in out.iter_mut().enumerate() {
+        let y = basis::<T, C>(points.n(i));
+        let mut sum = Rgb::zero();
+        model.taps(points.q(i), &mut |vector, weight| {
+            let v = &vectors.data[vector * C * 3..(vector + 1) * C * 3];
+            let mut dot = Rgb::zero();
+            for k in 0..C {
+                dot += Rgb::new(v[3 * k], v[3 * k + 1], v[3 * k + 2]) * y[k];
+            }
+            sum += dot * weight;
+        });
+        *e = sum;
+    }
+}
+
+/// Declares the closed set of rigs: their configurations, their models, and the TOML table that names one of them.
+macro_rules! rigs {
+    ($($key:ident => $rig:ident / $model:ident),+ $(,)?) => {
+        /// A rig of any kind.
+        #[derive(Clone, Debug, PartialEq, serde::Serialize)]
+        #[serde(rename_all = "snake_case")]
+        pub enum AnyRig {
+            $($rig($rig)),+
+        }
+
+        /// The weights of a rig of any kind.
+        #[derive(Clone, Debug)]
+        pub enum Model<T> {
+            $($rig($model<T>)),+
+        }
+
+        impl AnyRig {
+            /// The keys that a rig's table may hold, one of them.
+            pub const KEYS: &'static [&'static str] = &[$(stringify!($key)),+];
+        }
+
+        impl Rig for AnyRig {
+            fn placement(&self, half: [f64; 3]) -> Vec<SampleRequest> {
+                match self { $(AnyRig::$rig(rig) => rig.placement(half)),+ }
+            }
+            fn fit<T: Real>(&self, half: [f64; 3], sampled: ShVectors<T>) -> Fit<T> {
+                match self { $(AnyRig::$rig(rig) => rig.fit(half, sampled)),+ }
+            }
+            fn model<T: Real>(&self, half: [f64; 3]) -> Model<T> {
+                match self { $(AnyRig::$rig(rig) => rig.model(half)),+ }
+            }
+            fn wgsl(&self, half: [f64; 3]) -> String {
+                match self { $(AnyRig::$rig(rig) => rig.wgsl(half)),+ }
+            }
+        }
+
+        impl<T: Real> RigModel<T> for Model<T> {
+            fn taps(&self, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
+                match self { $(Model::$rig(model) => model.taps(q, tap)),+ }
+            }
+            fn irradiance<const C: usize>(&self, vectors: &ShVectors<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
+                match self { $(Model::$rig(model) => model.irradiance::<C>(vectors, points, out)),+ }
+            }
+        }
+    };
+}
+
+rigs!(constant => Constant / ConstantModel);
+
+pub use constant::ConstantModel;
