@@ -8,7 +8,12 @@ pub mod input;
 pub mod light;
 pub mod math;
 pub mod scene;
+pub mod probe;
 pub mod sh;
 
 // Catalogue: what can be measured and how.
 pub mod rig;
+
+// Flow: from an experiment to results.
+pub mod reference;
+pub mod candidate;

@@ -14,67 +14,9 @@ mod constant;
 pub use constant::Constant;
 
 use crate::math::{Real, Rgb, Vector3};
-use crate::sh::{MAX_ORDER, basis, coefficients, spread};
-
-/// A place where a rig wants a probe sample, with the derivatives that it asks for along the box's axes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SampleRequest {
-    /// Box coordinates, metres from the centre.
-    pub position: [f64; 3],
-    /// Which of the box's axes it wants the derivative along.
-    pub derivatives: [bool; 3],
-}
-
-impl SampleRequest {
-    pub fn value_at(position: [f64; 3]) -> Self {
-        Self { position, derivatives: [false; 3] }
-    }
-    /// SH vectors that this sample yields: its value, then its derivatives in the order of the axes.
-    pub fn vectors(&self) -> usize {
-        1 + self.derivatives.iter().filter(|d| **d).count()
-    }
-}
-
-/// SH vectors side by side: `data[(vector * order^2 + coefficient) * 3 + channel]`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ShVectors<T> {
-    pub order: usize,
-    pub data: Vec<T>,
-}
-
-impl<T: Real> ShVectors<T> {
-    pub fn zeros(order: usize, vectors: usize) -> Self {
-        Self { order, data: vec![T::zero(); vectors * coefficients(order) * 3] }
-    }
-    /// Numbers in one vector.
-    pub fn stride(&self) -> usize {
-        coefficients(self.order) * 3
-    }
-    pub fn count(&self) -> usize {
-        self.data.len() / self.stride()
-    }
-    pub fn vector(&self, index: usize) -> &[T] {
-        &self.data[index * self.stride()..(index + 1) * self.stride()]
-    }
-    pub fn push<const C: usize>(&mut self, vector: &[Rgb<T>; C]) {
-        debug_assert_eq!(C, coefficients(self.order));
-        self.data.extend(vector.iter().flat_map(|v| v.to_array()));
-    }
-    /// The same vectors in another precision.
-    pub fn rounded<U: Real>(&self) -> ShVectors<U> {
-        ShVectors { order: self.order, data: self.data.iter().map(|v| U::of(v.to_double())).collect() }
-    }
-    /// Radiance coefficients times the factors of a lobe's bands: irradiance coefficients.
-    pub fn convolved(mut self, bands: &[T; MAX_ORDER]) -> Self {
-        let factors: [T; 36] = spread(bands);
-        for vector in self.data.chunks_exact_mut(coefficients(self.order) * 3) {
-            for (i, channels) in vector.chunks_exact_mut(3).enumerate() {
-                channels.iter_mut().for_each(|c| *c *= factors[i]);
-            }
-        }
-        self
-    }
-}
+pub use crate::probe::SampleRequest;
+pub use crate::sh::ShVectors;
+use crate::sh::basis;
 
 /// What a fit gives: the vectors that the rig keeps, and the condition number where a system was solved.
 #[derive(Clone, Debug)]

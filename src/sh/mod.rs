@@ -7,11 +7,13 @@
 
 mod basis;
 mod rotation;
+mod vectors;
 mod window;
 mod zonal;
 
 pub use basis::{basis, basis_gradient};
 pub use rotation::Rotation;
+pub use vectors::ShVectors;
 pub use window::Window;
 pub use zonal::{Lobe, legendre_polynomials};
 

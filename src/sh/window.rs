@@ -19,7 +19,7 @@ pub enum Window {
 }
 
 impl Window {
-    /// The factor of each band. `Auto` needs the signal: [`Window::apply`].
+    /// The factor of each band. `Auto` needs the signal: [`Window::bands_for`].
     pub fn bands(&self) -> [f64; MAX_ORDER] {
         std::array::from_fn(|degree| {
             let k = degree as f64;
@@ -36,12 +36,17 @@ impl Window {
         })
     }
 
-    /// The windowed signal.
-    pub fn apply<T: Real, const C: usize>(&self, signal: &ShRgb<T, C>) -> ShRgb<T, C> {
-        let bands = match *self {
+    /// The factor of each band for this signal.
+    pub fn bands_for<T: Real, const C: usize>(&self, signal: &ShRgb<T, C>) -> [f64; MAX_ORDER] {
+        match *self {
             Window::Auto { share } => Window::Laplacian { lambda: lambda_for_share(signal, share) }.bands(),
             window => window.bands(),
-        };
+        }
+    }
+
+    /// The windowed signal.
+    pub fn apply<T: Real, const C: usize>(&self, signal: &ShRgb<T, C>) -> ShRgb<T, C> {
+        let bands = self.bands_for(signal);
         std::array::from_fn(|i| signal[i] * T::of(bands[degree_of(i)]))
     }
 }

@@ -1,0 +1,121 @@
+//! A candidate at work: from lights and a rig to irradiance at points, on the CPU. It knows no reference.
+
+use rayon::prelude::*;
+
+use crate::light::{self, Light};
+use crate::math::{Real, Rgb, Vector3};
+use crate::probe::{GradientSource, sample_lights};
+use crate::rig::{AnyRig, LocalPoints, Model, Rig, RigModel, SampleRequest, ShVectors};
+use crate::scene::{OrientedBox, SurfacePoint};
+use crate::sh::{Lobe, Window};
+use crate::with_order;
+
+/// A rig over one receiver's box, ready to be set up for the lights of a frame.
+#[derive(Clone, Debug)]
+pub struct RigStage<T> {
+    pub rig: AnyRig,
+    pub bounds: OrientedBox,
+    pub order: usize,
+    pub gradients: GradientSource,
+    pub window: Window,
+    pub lobe: Lobe<T>,
+    /// The lights relative to the box's centre.
+    pub lights: Vec<Light<T>>,
+    requests: Vec<SampleRequest>,
+}
+
+/// A rig's parameters for the lights of a frame.
+#[derive(Clone, Debug)]
+pub struct FittedRig<T> {
+    pub model: Model<T>,
+    /// Radiance coefficients of the vectors that the rig keeps.
+    pub radiance: ShVectors<T>,
+    /// The same after convolution with the receiver's lobe.
+    pub irradiance: ShVectors<T>,
+    pub projections: u64,
+    pub singular: u64,
+    /// Condition number, where the fit solved a system.
+    pub condition: Option<f64>,
+}
+
+impl<T: Real> RigStage<T> {
+    pub fn new(
+        rig: &AnyRig,
+        bounds: OrientedBox,
+        order: usize,
+        lights: &[Light<f64>],
+        lobe: Lobe<T>,
+        gradients: GradientSource,
+        window: Window,
+    ) -> Self {
+        Self {
+            rig: rig.clone(),
+            bounds,
+            order,
+            gradients,
+            window,
+            lobe,
+            lights: lights.iter().map(|light| light.relative_to(bounds.center)).collect(),
+            requests: rig.placement(bounds.half),
+        }
+    }
+
+    /// Projects every light at every sample, fits, convolves: what an engine does each frame.
+    pub fn fit(&self) -> FittedRig<T> {
+        let sampled =
+            sample_lights(&self.lights, &self.bounds, &self.requests, self.order, self.gradients, self.window);
+        let fit = self.rig.fit(self.bounds.half, sampled.vectors);
+        FittedRig {
+            model: self.rig.model(self.bounds.half),
+            irradiance: fit.vectors.clone().convolved(self.lobe.bands()),
+            radiance: fit.vectors,
+            projections: sampled.projections,
+            singular: sampled.singular,
+            condition: fit.condition,
+        }
+    }
+}
+
+/// Points in the coordinates of a box, rounded to `T`.
+pub fn local_points<T: Real>(bounds: &OrientedBox, points: &[SurfacePoint]) -> LocalPoints<T> {
+    let mut local = LocalPoints::default();
+    for point in points {
+        local.push(bounds.local(point.position), point.normal);
+    }
+    local
+}
+
+impl<T: Real> FittedRig<T> {
+    /// E at every point. One thread: what is timed.
+    pub fn irradiance(&self, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
+        with_order!(self.irradiance.order, C => self.model.irradiance::<C>(&self.irradiance, points, out));
+    }
+
+    /// The reconstructed SH radiance vector at box coordinates `q`, as the channels of each coefficient.
+    pub fn sh_at(&self, q: Vector3<T>) -> Vec<Rgb<T>> {
+        let mut sum = vec![Rgb::zero(); self.radiance.stride() / 3];
+        self.model.taps(q, &mut |vector, weight| {
+            for (s, c) in sum.iter_mut().zip(self.radiance.vector(vector).chunks_exact(3)) {
+                *s += Rgb::new(c[0], c[1], c[2]) * weight;
+            }
+        });
+        sum
+    }
+}
+
+/// The candidate `direct`: no rig, every light at every point.
+pub fn direct<T: Real>(
+    lights: &[Light<f64>],
+    points: &[SurfacePoint],
+    lobe: &Lobe<T>,
+    origin: glam::DVec3,
+) -> (Vec<Rgb<T>>, u64) {
+    let lights: Vec<Light<T>> = lights.iter().map(|light| light.relative_to(origin)).collect();
+    let terms: Vec<_> = points
+        .par_iter()
+        .with_min_len(64)
+        .map(|point| light::irradiance(&lights, Vector3::of(point.position - origin), Vector3::of(point.normal), lobe))
+        .collect();
+    let singular = terms.iter().map(|t| u64::from(t.singular)).sum();
+    (terms.into_iter().map(|t| t.value).collect(), singular)
+}
