@@ -13,6 +13,7 @@ pub mod sh;
 
 // Catalogue: what can be measured and how.
 pub mod rig;
+pub mod cost;
 
 // Flow: from an experiment to results.
 pub mod reference;
