@@ -8,6 +8,7 @@ pub mod input;
 pub mod light;
 pub mod math;
 pub mod scene;
+pub mod trace;
 pub mod probe;
 pub mod sh;
 
