@@ -7,12 +7,14 @@
 pub mod input;
 pub mod light;
 pub mod math;
+pub mod picture;
 pub mod scene;
 pub mod trace;
 pub mod probe;
 pub mod sh;
 
 // Catalogue: what can be measured and how.
+pub mod metric;
 pub mod rig;
 pub mod cost;
 
