@@ -19,5 +19,8 @@ pub mod rig;
 pub mod cost;
 
 // Flow: from an experiment to results.
+pub mod experiment;
 pub mod reference;
 pub mod candidate;
+pub mod run;
+pub mod cli;
