@@ -147,11 +147,8 @@ fn no_file_is_believed_because_it_exists() {
     compute(&store, &run);
     let other = identity("mixed", 640);
     compute(&store, &other);
-    std::fs::copy(
-        store.folder(&other.key()).join("metrics.json"),
-        store.folder(&run.key()).join("metrics.json"),
-    )
-    .unwrap();
+    std::fs::copy(store.folder(&other.key()).join("metrics.json"), store.folder(&run.key()).join("metrics.json"))
+        .unwrap();
     assert_eq!(reason(&store, &run), Reason::Damaged("metrics.json"));
 }
 
