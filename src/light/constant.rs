@@ -1,4 +1,9 @@
-use super::{LightShape, ShGradient, Term};
+use glam::{DAffine3, DVec3};
+use serde::Deserialize;
+
+use super::file::not_negative;
+use super::{BoundingSphere, LightSample, LightShape, ShGradient, Term};
+use crate::input::{Finite3, InputError, Source, Spanned};
 use crate::math::{Real, Rgb, Vector3};
 use crate::sh::{Lobe, ShRgb};
 
@@ -9,9 +14,31 @@ pub struct Constant<T> {
     pub radiance: Rgb<T>,
 }
 
+/// `constant = { radiance }`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ConstantFile {
+    radiance: Spanned<Finite3>,
+}
+
+impl ConstantFile {
+    pub fn resolve(&self, source: &Source) -> Result<Constant<f64>, InputError> {
+        Ok(Constant { radiance: not_negative(source, &self.radiance, "radiance")? })
+    }
+}
+
 impl Constant<f64> {
-    pub fn relative_to<T: Real>(&self, _origin: glam::DVec3) -> Constant<T> {
+    pub fn relative_to<T: Real>(&self, _origin: DVec3) -> Constant<T> {
         Constant { radiance: Rgb::of(self.radiance.to_array()) }
+    }
+    pub fn transformed(&self, _motion: &DAffine3) -> Self {
+        self.clone()
+    }
+    pub fn scaled_radiance(&self, factor: f64) -> Self {
+        Self { radiance: self.radiance * factor }
+    }
+    pub fn bounds(&self) -> Option<BoundingSphere> {
+        None
     }
 }
 
@@ -32,5 +59,23 @@ impl<T: Real> LightShape<T> for Constant<T> {
 
     fn projection_with_gradient<const C: usize>(&self, p: Vector3<T>) -> Term<ShGradient<T, C>> {
         Term::regular(ShGradient { value: self.projection::<C>(p).value, ..ShGradient::zero() })
+    }
+
+    /// Uniform over the sphere.
+    fn sample(&self, _p: Vector3<T>, u: [T; 2]) -> Option<LightSample<T>> {
+        let z = T::one() - T::of(2.0) * u[0];
+        let sine = ((T::one() - z) * (T::one() + z)).max(T::zero()).sqrt();
+        let (sin_phi, cos_phi) = (T::TAU() * u[1]).sin_cos();
+        let whole = T::of(4.0) * T::PI();
+        Some(LightSample {
+            direction: Vector3::new(sine * cos_phi, sine * sin_phi, z),
+            distance: T::infinity(),
+            weight: self.radiance * whole,
+            pdf_solid_angle: Some(T::one() / whole),
+        })
+    }
+
+    fn pdf_solid_angle(&self, _p: Vector3<T>, _direction: Vector3<T>) -> T {
+        T::one() / (T::of(4.0) * T::PI())
     }
 }

@@ -1,4 +1,9 @@
-use super::{LightShape, ShGradient, Term};
+use glam::{DAffine3, DVec3};
+use serde::Deserialize;
+
+use super::file::{direction, not_negative};
+use super::{BoundingSphere, LightSample, LightShape, ShGradient, Term};
+use crate::input::{Finite3, InputError, Source, Spanned};
 use crate::math::{Real, Rgb, Vector3};
 use crate::sh::{Lobe, ShRgb, basis};
 
@@ -11,9 +16,35 @@ pub struct Directional<T> {
     pub irradiance: Rgb<T>,
 }
 
+/// `directional = { towards, irradiance }`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DirectionalFile {
+    towards: Spanned<Finite3>,
+    irradiance: Spanned<Finite3>,
+}
+
+impl DirectionalFile {
+    pub fn resolve(&self, source: &Source) -> Result<Directional<f64>, InputError> {
+        Ok(Directional {
+            towards: direction(source, &self.towards, "towards")?,
+            irradiance: not_negative(source, &self.irradiance, "irradiance")?,
+        })
+    }
+}
+
 impl Directional<f64> {
-    pub fn relative_to<T: Real>(&self, _origin: glam::DVec3) -> Directional<T> {
+    pub fn relative_to<T: Real>(&self, _origin: DVec3) -> Directional<T> {
         Directional { towards: Vector3::of(self.towards.to_double()), irradiance: Rgb::of(self.irradiance.to_array()) }
+    }
+    pub fn transformed(&self, motion: &DAffine3) -> Self {
+        Self { towards: Vector3::of(motion.transform_vector3(self.towards.to_double())), ..self.clone() }
+    }
+    pub fn scaled_radiance(&self, factor: f64) -> Self {
+        Self { irradiance: self.irradiance * factor, ..self.clone() }
+    }
+    pub fn bounds(&self) -> Option<BoundingSphere> {
+        None
     }
 }
 
@@ -32,5 +63,18 @@ impl<T: Real> LightShape<T> for Directional<T> {
 
     fn projection_with_gradient<const C: usize>(&self, p: Vector3<T>) -> Term<ShGradient<T, C>> {
         Term::regular(ShGradient { value: self.projection::<C>(p).value, ..ShGradient::zero() })
+    }
+
+    fn sample(&self, _p: Vector3<T>, _u: [T; 2]) -> Option<LightSample<T>> {
+        Some(LightSample {
+            direction: self.towards,
+            distance: T::infinity(),
+            weight: self.irradiance,
+            pdf_solid_angle: None,
+        })
+    }
+
+    fn pdf_solid_angle(&self, _p: Vector3<T>, _direction: Vector3<T>) -> T {
+        T::zero()
     }
 }

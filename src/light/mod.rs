@@ -1,4 +1,5 @@
-//! Light shapes, one file each: radiance along a ray, exact irradiance, SH projection and its gradient.
+//! Light shapes, one file each: radiance along a ray, exact irradiance, SH projection and its gradient, sampling, and the
+//! TOML table that describes one.
 //!
 //! A shape is a struct over the scalar type; [`Light`] is the closed set of them. Positions are relative to an origin that the
 //! caller chooses ([`Light::relative_to`]), so that `f32` code works near the things that it lights.
@@ -6,12 +7,22 @@
 
 mod constant;
 mod directional;
+mod file;
+mod integral;
 mod point;
+mod sphere;
 
-pub use constant::Constant;
-pub use directional::Directional;
-pub use point::Point;
+pub use constant::{Constant, ConstantFile};
+pub use directional::{Directional, DirectionalFile};
+pub use point::{Point, PointFile};
+pub use sphere::{Sphere, SphereFile};
 
+use std::ops::Range;
+
+use glam::{DAffine3, DVec3};
+use serde::Deserialize;
+
+use crate::input::{InputError, Source, Spanned};
 use crate::math::{Real, Rgb, Vector3};
 use crate::sh::{Lobe, ShRgb};
 
@@ -30,6 +41,10 @@ impl<V> Term<V> {
     pub fn dropped(value: V) -> Self {
         Self { value, singular: 1 }
     }
+    #[inline(always)]
+    pub fn map<W>(self, f: impl FnOnce(V) -> W) -> Term<W> {
+        Term { value: f(self.value), singular: self.singular }
+    }
 }
 
 /// SH radiance coefficients at a point and their derivatives along x, y and z (per metre).
@@ -42,6 +57,39 @@ pub struct ShGradient<T, const C: usize> {
 impl<T: Real, const C: usize> ShGradient<T, C> {
     pub fn zero() -> Self {
         Self { value: [Rgb::zero(); C], gradient: [[Rgb::zero(); C]; 3] }
+    }
+}
+
+/// SH coefficients for unit radiance (or intensity) and their spatial gradients.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UnitGradient<T, const C: usize> {
+    pub value: [T; C],
+    pub gradient: [Vector3<T>; C],
+}
+
+impl<T: Real, const C: usize> UnitGradient<T, C> {
+    pub fn zero() -> Self {
+        Self { value: [T::zero(); C], gradient: [Vector3::zero(); C] }
+    }
+}
+
+/// A direction drawn towards a light: for any g, the integral of L(p, w) g(w) dw is the mean of `weight * g(direction)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightSample<T> {
+    /// Unit vector from the point to the light.
+    pub direction: Vector3<T>,
+    /// Metres to the place on the light; infinite for directional, constant and environment lights.
+    pub distance: T,
+    /// Radiance over density. For lights without extent, whose radiance is a distribution, the distribution's weight.
+    pub weight: Rgb<T>,
+    /// Density of `direction` per steradian, [`LightShape::pdf_solid_angle`]; `None` for lights without extent.
+    pub pdf_solid_angle: Option<T>,
+}
+
+impl<T: Real> LightSample<T> {
+    /// Radiance along the sampled direction; `None` for lights without extent.
+    pub fn radiance(&self) -> Option<Rgb<T>> {
+        self.pdf_solid_angle.map(|pdf| self.weight * pdf)
     }
 }
 
@@ -59,11 +107,83 @@ pub trait LightShape<T: Real> {
 
     /// The projection and its spatial gradient.
     fn projection_with_gradient<const C: usize>(&self, p: Vector3<T>) -> Term<ShGradient<T, C>>;
+
+    /// A direction towards the light from two numbers in [0, 1); `None` where the light does not reach `p` at all.
+    fn sample(&self, p: Vector3<T>, u: [T; 2]) -> Option<LightSample<T>>;
+
+    /// The density per steradian with which [`LightShape::sample`] draws `direction`; 0 for lights without extent.
+    fn pdf_solid_angle(&self, p: Vector3<T>, direction: Vector3<T>) -> T;
 }
 
-/// Declares the closed set of light shapes and forwards [`LightShape`] to the one at hand.
+/// A shape whose radiance (or intensity) is one colour: everything is that colour times a scalar answer.
+/// Such a shape becomes a [`LightShape`] by `uniform_emitters!` below.
+pub trait UniformEmitter<T: Real> {
+    /// Radiance, or intensity.
+    fn colour(&self) -> Rgb<T>;
+    fn unit_radiance(&self, p: Vector3<T>, direction: Vector3<T>) -> T;
+    fn unit_irradiance(&self, p: Vector3<T>, n: Vector3<T>, lobe: &Lobe<T>) -> Term<T>;
+    fn unit_projection<const C: usize>(&self, p: Vector3<T>) -> Term<[T; C]>;
+    fn unit_projection_with_gradient<const C: usize>(&self, p: Vector3<T>) -> Term<UnitGradient<T, C>>;
+    fn unit_sample(&self, p: Vector3<T>, u: [T; 2]) -> Option<LightSample<T>>;
+    fn unit_pdf_solid_angle(&self, p: Vector3<T>, direction: Vector3<T>) -> T;
+}
+
+/// Makes [`LightShape`]s of [`UniformEmitter`]s.
+macro_rules! uniform_emitters {
+    ($($shape:ident),+ $(,)?) => {$(
+        impl<T: Real> LightShape<T> for $shape<T> {
+            #[inline]
+            fn radiance(&self, p: Vector3<T>, direction: Vector3<T>) -> Rgb<T> {
+                self.colour() * self.unit_radiance(p, direction)
+            }
+            #[inline]
+            fn irradiance(&self, p: Vector3<T>, n: Vector3<T>, lobe: &Lobe<T>) -> Term<Rgb<T>> {
+                self.unit_irradiance(p, n, lobe).map(|e| self.colour() * e)
+            }
+            #[inline]
+            fn projection<const C: usize>(&self, p: Vector3<T>) -> Term<ShRgb<T, C>> {
+                let colour = self.colour();
+                self.unit_projection::<C>(p).map(|sh| sh.map(|c| colour * c))
+            }
+            #[inline]
+            fn projection_with_gradient<const C: usize>(&self, p: Vector3<T>) -> Term<ShGradient<T, C>> {
+                let colour = self.colour();
+                self.unit_projection_with_gradient::<C>(p).map(|unit| {
+                    let mut sh = ShGradient::zero();
+                    for i in 0..C {
+                        sh.value[i] = colour * unit.value[i];
+                        sh.gradient[0][i] = colour * unit.gradient[i].x;
+                        sh.gradient[1][i] = colour * unit.gradient[i].y;
+                        sh.gradient[2][i] = colour * unit.gradient[i].z;
+                    }
+                    sh
+                })
+            }
+            #[inline]
+            fn sample(&self, p: Vector3<T>, u: [T; 2]) -> Option<LightSample<T>> {
+                self.unit_sample(p, u).map(|sample| LightSample { weight: self.colour() * sample.weight, ..sample })
+            }
+            #[inline]
+            fn pdf_solid_angle(&self, p: Vector3<T>, direction: Vector3<T>) -> T {
+                self.unit_pdf_solid_angle(p, direction)
+            }
+        }
+    )+};
+}
+
+uniform_emitters!(Sphere);
+
+/// The smallest sphere about a light that its shape knows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoundingSphere {
+    pub center: DVec3,
+    pub radius: f64,
+}
+
+/// Declares the closed set of light shapes, the TOML table that names one of them, and forwards to the shape at hand.
+/// Each shape brings, on its `f64` form: `relative_to`, `transformed`, `scaled_radiance` and `bounds`.
 macro_rules! light_shapes {
-    ($($shape:ident),+ $(,)?) => {
+    ($($key:ident: $shape:ident / $file:ident),+ $(,)?) => {
         /// A light of any shape.
         #[derive(Clone, Debug)]
         pub enum Light<T> {
@@ -71,10 +191,43 @@ macro_rules! light_shapes {
         }
 
         impl Light<f64> {
+            /// The TOML keys of the shapes.
+            pub const KINDS: &'static [&'static str] = &[$(stringify!($key)),+];
+
             /// This light in coordinates about `origin`, rounded to the scalar `T`.
-            pub fn relative_to<T: Real>(&self, origin: glam::DVec3) -> Light<T> {
+            pub fn relative_to<T: Real>(&self, origin: DVec3) -> Light<T> {
                 match self {
                     $(Light::$shape(shape) => Light::$shape(shape.relative_to(origin))),+
+                }
+            }
+
+            /// This light moved by a rigid motion (a proper rotation, then a translation).
+            pub fn transformed(&self, motion: &DAffine3) -> Self {
+                match self {
+                    $(Light::$shape(shape) => Light::$shape(shape.transformed(motion))),+
+                }
+            }
+
+            /// This light with its radiance, intensity or irradiance times `factor`.
+            pub fn scaled_radiance(&self, factor: f64) -> Self {
+                match self {
+                    $(Light::$shape(shape) => Light::$shape(shape.scaled_radiance(factor))),+
+                }
+            }
+
+            /// A sphere around the light; `None` for lights at infinity.
+            pub fn bounds(&self) -> Option<BoundingSphere> {
+                match self {
+                    $(Light::$shape(shape) => shape.bounds()),+
+                }
+            }
+        }
+
+        impl<T> Light<T> {
+            /// The shape's TOML key.
+            pub fn kind_name(&self) -> &'static str {
+                match self {
+                    $(Light::$shape(_) => stringify!($key)),+
                 }
             }
         }
@@ -104,11 +257,72 @@ macro_rules! light_shapes {
                     $(Light::$shape(shape) => shape.projection_with_gradient::<C>(p)),+
                 }
             }
+            #[inline]
+            fn sample(&self, p: Vector3<T>, u: [T; 2]) -> Option<LightSample<T>> {
+                match self {
+                    $(Light::$shape(shape) => shape.sample(p, u)),+
+                }
+            }
+            #[inline]
+            fn pdf_solid_angle(&self, p: Vector3<T>, direction: Vector3<T>) -> T {
+                match self {
+                    $(Light::$shape(shape) => shape.pdf_solid_angle(p, direction)),+
+                }
+            }
+        }
+
+        /// One `[[light]]` of a layout: a name, a shape (exactly one of the keys) and, for a light that moves, a path,
+        /// whose form `P` is the layout's business.
+        #[derive(Clone, Debug, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        pub struct LightFile<P> {
+            pub name: Option<Spanned<String>>,
+            pub path: Option<P>,
+            $(pub $key: Option<Spanned<$file>>),+
+        }
+
+        impl<P> LightFile<P> {
+            /// The light that this table describes. `span` is the place of the whole table.
+            pub fn resolve(&self, source: &Source, span: Range<usize>) -> Result<Light<f64>, InputError> {
+                let given: Vec<(&str, Range<usize>)> = [
+                    $((stringify!($key), self.$key.as_ref().map(|table| table.span()))),+
+                ]
+                .into_iter()
+                .filter_map(|(key, span)| Some((key, span?)))
+                .collect();
+                match given.as_slice() {
+                    [_] => {}
+                    [] => {
+                        let allowed = Light::KINDS.join("`, `");
+                        return Err(source.error(span, format!("a light without a shape; allowed: one of `{allowed}`")));
+                    }
+                    [first, second, ..] => {
+                        let message = format!("`{}` beside `{}`; a light has one shape", second.0, first.0);
+                        return Err(source.error(second.1.clone(), message));
+                    }
+                }
+                $(if let Some(table) = &self.$key {
+                    return table.get_ref().resolve(source).map(Light::$shape);
+                })+
+                unreachable!("one shape was given")
+            }
         }
     };
 }
 
-light_shapes!(Point, Directional, Constant);
+light_shapes!(
+    sphere: Sphere / SphereFile,
+    point: Point / PointFile,
+    directional: Directional / DirectionalFile,
+    constant: Constant / ConstantFile,
+);
+
+impl Light<f64> {
+    /// This light moved by `offset`.
+    pub fn translated(&self, offset: DVec3) -> Self {
+        self.transformed(&DAffine3::from_translation(offset))
+    }
+}
 
 /// Sum of the exact irradiance of several lights, and how many terms were dropped as singular.
 pub fn irradiance<T: Real>(lights: &[Light<T>], p: Vector3<T>, n: Vector3<T>, lobe: &Lobe<T>) -> Term<Rgb<T>> {

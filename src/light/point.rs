@@ -1,4 +1,9 @@
-use super::{LightShape, ShGradient, Term};
+use glam::{DAffine3, DVec3};
+use serde::Deserialize;
+
+use super::file::not_negative;
+use super::{BoundingSphere, LightSample, LightShape, ShGradient, Term};
+use crate::input::{Finite3, InputError, Source, Spanned};
 use crate::math::{Real, Rgb, Vector3};
 use crate::sh::{Lobe, ShRgb, basis, basis_gradient};
 
@@ -11,12 +16,38 @@ pub struct Point<T> {
     pub intensity: Rgb<T>,
 }
 
+/// `point = { position, intensity }`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PointFile {
+    position: Finite3,
+    intensity: Spanned<Finite3>,
+}
+
+impl PointFile {
+    pub fn resolve(&self, source: &Source) -> Result<Point<f64>, InputError> {
+        Ok(Point {
+            position: Vector3::of(self.position.vector()),
+            intensity: not_negative(source, &self.intensity, "intensity")?,
+        })
+    }
+}
+
 impl Point<f64> {
-    pub fn relative_to<T: Real>(&self, origin: glam::DVec3) -> Point<T> {
+    pub fn relative_to<T: Real>(&self, origin: DVec3) -> Point<T> {
         Point {
             position: Vector3::of(self.position.to_double() - origin),
             intensity: Rgb::of(self.intensity.to_array()),
         }
+    }
+    pub fn transformed(&self, motion: &DAffine3) -> Self {
+        Self { position: Vector3::of(motion.transform_point3(self.position.to_double())), ..self.clone() }
+    }
+    pub fn scaled_radiance(&self, factor: f64) -> Self {
+        Self { intensity: self.intensity * factor, ..self.clone() }
+    }
+    pub fn bounds(&self) -> Option<BoundingSphere> {
+        Some(BoundingSphere { center: self.position.to_double(), radius: 0.0 })
     }
 }
 
@@ -70,5 +101,19 @@ impl<T: Real> LightShape<T> for Point<T> {
             }
         }
         Term::regular(sh)
+    }
+
+    fn sample(&self, p: Vector3<T>, _u: [T; 2]) -> Option<LightSample<T>> {
+        let (direction, inverse) = self.seen_from(p)?;
+        Some(LightSample {
+            direction,
+            distance: T::one() / inverse,
+            weight: self.intensity * (inverse * inverse),
+            pdf_solid_angle: None,
+        })
+    }
+
+    fn pdf_solid_angle(&self, _p: Vector3<T>, _direction: Vector3<T>) -> T {
+        T::zero()
     }
 }
