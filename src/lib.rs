@@ -5,6 +5,7 @@
 
 // Knowledge: quantities, spherical harmonics, lights, scenes, rays.
 pub mod input;
+pub mod output;
 pub mod light;
 pub mod math;
 pub mod picture;

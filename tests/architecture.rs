@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 /// The order of the rooms: knowledge, catalogue, flow.
 const ORDER: &[&str] = &[
     "math",
+    "output",
     "picture",
     "input",
     "sh",

@@ -1,7 +1,9 @@
 //! Pictures: linear RGB images, their tone mapping, and OpenEXR files.
 
+mod layered;
 mod tone;
 
+pub use layered::LayeredImage;
 pub use tone::{Exposure, linear_of_srgb, srgb_of_linear};
 
 use crate::math::Rgb;
