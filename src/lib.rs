@@ -21,6 +21,7 @@ pub mod cost;
 
 // Flow: from an experiment to results.
 pub mod experiment;
+pub mod gpu;
 pub mod reference;
 pub mod candidate;
 pub mod run;

@@ -19,6 +19,12 @@ fn normalisations() -> &'static [[f64; MAX_ORDER]; MAX_ORDER] {
     &TABLE
 }
 
+/// N(l, m) = sqrt((2l + 1)/(4 pi) (l - m)!/(l + m)!), times sqrt(2) for m > 0: what the basis scales Q(l, m) by.
+/// For printing into shaders. Domain: m <= l < 6.
+pub fn normalisation(degree: usize, m: usize) -> f64 {
+    normalisations()[degree][m]
+}
+
 /// Legendre derivatives Q(l, m) = d^m P_l / dz^m for the `order` bands and one m more, so that
 /// dQ(l, m)/dz = Q(l, m + 1). From P_l by (l - m) Q(l, m) = (2l - 1) z Q(l-1, m) - (l + m - 1) Q(l-2, m), Q(m, m) = (2m - 1)!!.
 #[inline(always)]

@@ -11,7 +11,7 @@ mod vectors;
 mod window;
 mod zonal;
 
-pub use basis::{basis, basis_gradient};
+pub use basis::{basis, basis_gradient, normalisation};
 pub use rotation::Rotation;
 pub use vectors::ShVectors;
 pub use window::Window;

@@ -1,0 +1,4 @@
+// Nothing: what launching a pass costs.
+@compute @workgroup_size(WORKGROUP)
+fn empty() {
+}

@@ -1,0 +1,66 @@
+use rigbench::gpu::{Evaluator, Timer};
+use rigbench::math::{Stream, StreamPurpose};
+use rigbench::rig::{LocalPoints, ShVectors};
+
+use crate::on_gpu;
+
+fn points(count: usize) -> LocalPoints<f32> {
+    let mut stream = Stream::indexed(21, StreamPurpose::Test, 0);
+    let mut points = LocalPoints::default();
+    for _ in 0..count {
+        points.push(stream.direction(), stream.direction());
+    }
+    points
+}
+
+/// A model of `taps` taps that a compiler cannot fold.
+fn model(taps: usize) -> String {
+    format!("fn rig_taps(q: vec3f) {{ for (var k = 0u; k < {taps}u; k++) {{ tap(k, q.x + f32(k)); }} }}")
+}
+
+#[test]
+fn timings_keep_all_samples_and_grow_with_the_work() {
+    on_gpu("timings_keep_all_samples_and_grow_with_the_work", |gpu| {
+        let points = points(4096);
+        let total = gpu.timing_points(points.len());
+        assert!(total >= if gpu.adapter().software { 65_536 } else { 1_000_000 } && total % points.len() == 0);
+        let repeat = gpu.timing_repeats(15);
+        assert_eq!(repeat, if gpu.adapter().software { 3 } else { 15 });
+        let mut best = Vec::new();
+        for taps in [1, 64] {
+            let evaluator = Evaluator::new(gpu, &model(taps), 3).unwrap();
+            assert!(evaluator.once().as_nanos() > 0);
+            let vectors = ShVectors::zeros(3, taps);
+            let mut prepared = evaluator.prepare(&vectors, &points, total).unwrap();
+            assert_eq!(prepared.parameter_bytes(), taps as u64 * 9 * 16);
+            let timing = prepared.time(1, repeat).unwrap();
+            assert_eq!((timing.samples_ns_per_point.len(), timing.points), (repeat, total));
+            assert!(timing.samples_ns_per_point.iter().all(|t| t.is_finite() && *t > 0.0), "{timing:?}");
+            let expected = if gpu.adapter().features.timestamp_query { Timer::Timestamp } else { Timer::Wall };
+            assert_eq!(timing.timer, expected);
+            best.push(timing.samples_ns_per_point.iter().copied().fold(f64::INFINITY, f64::min));
+            assert!(prepared.setup_sample().unwrap().as_nanos() > 0);
+        }
+        println!("ns a point on {}: {best:?}", gpu.adapter().label());
+        assert!(best[1] > 4.0 * best[0], "64 taps must cost much more than one: {best:?}");
+    });
+}
+
+#[test]
+fn both_clocks_see_the_same_work() {
+    on_gpu("both_clocks_see_the_same_work", |gpu| {
+        let points = points(4096);
+        let evaluator = Evaluator::new(gpu, &model(64), 3).unwrap();
+        let mut prepared = evaluator.prepare(&ShVectors::zeros(3, 64), &points, 1 << 18).unwrap();
+        prepared.warm_up().unwrap();
+        prepared.warm_up().unwrap();
+        let sample = prepared.sample().unwrap();
+        if let Some(timestamp) = sample.timestamp_ns {
+            // a wrong timestamp period would be off by the period; the wall clock adds submission and waiting
+            let ratio = timestamp / sample.wall_ns;
+            assert!(ratio > 0.05 && ratio <= 1.0, "{sample:?}");
+        } else {
+            assert!(!gpu.adapter().features.timestamp_query, "a device with timestamps gave none for {sample:?}");
+        }
+    });
+}
