@@ -161,24 +161,23 @@ fn cap_lobe_irradiance<T: Real>(cap: &Cap<T>, n: Vector3<T>, lobe: &Lobe<T>) -> 
     if end_of_circles < T::PI() {
         sum += T::TAU() * (lobe_integral_whole(lobe) - lobe_integral(lobe, one_minus_cosine(end_of_circles)));
     }
-    // the parts of circles, up to the lobe's foot
-    let start = (b - alpha).abs();
-    let end = (b + alpha).min(end_of_circles);
-    let foot = (-lobe.wrap()).acos();
-    let stop = end.min(foot);
+    // the parts of circles, up to the lobe's foot; as angles beyond b, so that a small cap keeps its precision
+    let start = if b < alpha { alpha - b - b } else { -alpha };
+    let end = alpha.min(end_of_circles - b);
+    let stop = end.min((-lobe.wrap()).acos() - b);
     if stop <= start {
         return sum;
     }
     let length = stop - start;
     for node in end_crowding::<T>() {
         let (from_start, to_stop) = (length * T::of(node.from_start), length * T::of(node.to_end));
-        let angle = start + from_start;
+        let angle = b + (start + from_start);
         let to_end = to_stop + (end - stop);
-        // sines of s - t, s - b, s, s - alpha
-        let to_far_side = to_end + (b + alpha - end);
-        let to_circles = to_end + (end_of_circles - end);
-        let from_near = if b >= alpha { from_start } else { from_start + T::of(2.0) * (alpha - b) };
-        let from_nearer = if b >= alpha { from_start + T::of(2.0) * (b - alpha) } else { from_start };
+        // twice the angles s - t, s - b, s, s - alpha of the law
+        let to_far_side = to_end + (alpha - end);
+        let to_circles = to_end + ((end_of_circles - b) - end);
+        let from_near = from_start + (start + alpha);
+        let from_nearer = from_start + (start + b + b - alpha);
         let within = (half * to_far_side).sin() * (half * from_near).sin();
         let without = (half * to_circles).sin() * (half * from_nearer).sin();
         let longitude = T::of(4.0) * within.max(T::zero()).sqrt().atan2(without.max(T::zero()).sqrt());
