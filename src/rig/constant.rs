@@ -22,6 +22,9 @@ impl Rig for Constant {
     fn wgsl(&self, _half: [f64; 3]) -> String {
         include_str!("constant.wgsl").to_owned()
     }
+    fn reproduces(&self, _half: [f64; 3], exponents: [u32; 3]) -> bool {
+        exponents == [0; 3]
+    }
 }
 
 impl<T: Real> RigModel<T> for ConstantModel<T> {

@@ -8,15 +8,38 @@
 //! Coordinates: q is in metres along the axes of the receiver's oriented box, from the box's centre; `half` holds the half extents,
 //! any of which may be 0. SH coefficients stay in the world's frame. A rig's WGSL twin lies beside it and defines
 //! `fn rig_taps(q: vec3f)`, which calls `tap(vector: u32, weight: f32)` in the same order as the Rust.
+//!
+//! Adding a rig is one file here (with its WGSL beside it), its `mod` line and one line in [`rigs!`] at the end.
 
+mod catalogue;
 mod constant;
+mod gradient;
+mod grid;
+pub mod interpolation;
+mod lattice;
+mod mixed;
 
+pub use catalogue::{CatalogueEntry, catalogue};
 pub use constant::Constant;
+pub use gradient::Gradient;
+pub use grid::{AxisNames, Grid, GridAxis, Nodes, grid_placement, tensor_taps, wgsl_number};
+pub use interpolation::{Interpolation, InterpolationChoice};
+pub use lattice::Lattice;
+pub use mixed::{AxisModel, Mixed};
 
+use std::ops::Range;
+
+use serde::Deserialize;
+
+use crate::input::{InputError, Source, Spanned};
 use crate::math::{Real, Rgb, Vector3};
 pub use crate::probe::SampleRequest;
 pub use crate::sh::ShVectors;
 use crate::sh::basis;
+use constant::ConstantModel;
+use gradient::GradientModel;
+use lattice::{LatticeFile, LatticeModel};
+use mixed::{MixedFile, MixedModel};
 
 /// What a fit gives: the vectors that the rig keeps, and the condition number where a system was solved.
 #[derive(Clone, Debug)]
@@ -71,7 +94,52 @@ pub trait Rig {
 
     /// WGSL that defines `fn rig_taps(q: vec3f)` for a box of these half extents, constants printed from here.
     fn wgsl(&self, half: [f64; 3]) -> String;
+
+    /// The interpolation, of a rig that has one.
+    fn interpolation(&self) -> Option<&Interpolation> {
+        None
+    }
+
+    /// What the rig claims, and laws hold it to: whether the field x^a y^b z^c (with its derivatives) is exact
+    /// everywhere in a box whose half extents are all above 0.
+    fn reproduces(&self, half: [f64; 3], exponents: [u32; 3]) -> bool;
 }
+
+/// Where a rig's table stands while it is resolved.
+pub struct Resolving<'s> {
+    pub source: &'s Source,
+    /// The rig's value in the file.
+    pub span: Range<usize>,
+    /// The matrix's interpolation, which takes the place of the rig's own.
+    pub interpolation: Option<InterpolationChoice>,
+}
+
+impl Resolving<'_> {
+    /// An error about the rig as a whole.
+    pub fn error(&self, message: impl Into<String>) -> InputError {
+        self.source.error(self.span.clone(), message)
+    }
+}
+
+/// What stands under a rig's key in a file: shape and types checked, values not yet.
+pub trait RigTable {
+    type Rig;
+    fn resolve(&self, resolving: &Resolving) -> Result<Self::Rig, InputError>;
+}
+
+/// A rig without values to check is its own table.
+macro_rules! table_is_rig {
+    ($($rig:ident),+) => {
+        $(impl RigTable for $rig {
+            type Rig = Self;
+            fn resolve(&self, _resolving: &Resolving) -> Result<Self, InputError> {
+                Ok(self.clone())
+            }
+        })+
+    };
+}
+
+table_is_rig!(Constant, Gradient);
 
 /// The weights of a rig at a place.
 pub trait RigModel<T: Real> {
@@ -107,9 +175,9 @@ pub fn plain_irradiance<T: Real, M: RigModel<T> + ?Sized, const C: usize>(
     }
 }
 
-/// Declares the closed set of rigs: their configurations, their models, and the TOML table that names one of them.
+/// Declares the closed set of rigs: key in files, configuration, its table in files, model.
 macro_rules! rigs {
-    ($($key:ident => $rig:ident / $model:ident),+ $(,)?) => {
+    ($($key:ident => $rig:ident / $table:ident / $model:ident),+ $(,)?) => {
         /// A rig of any kind.
         #[derive(Clone, Debug, PartialEq, serde::Serialize)]
         #[serde(rename_all = "snake_case")]
@@ -123,9 +191,51 @@ macro_rules! rigs {
             $($rig($model<T>)),+
         }
 
+        /// A table `[rig.NAME]` of an experiment file: one key that says the kind of rig, with its parameters.
+        #[derive(Clone, Debug, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        pub struct RigFile {
+            $($key: Option<Spanned<$table>>),+
+        }
+
+        impl RigFile {
+            /// The rig. `span` is the table's place; `interpolation` the matrix's, where it has one.
+            pub fn resolve(
+                &self,
+                source: &Source,
+                span: Range<usize>,
+                interpolation: Option<InterpolationChoice>,
+            ) -> Result<AnyRig, InputError> {
+                let given: Vec<(&str, Range<usize>)> =
+                    [$((stringify!($key), self.$key.as_ref().map(|table| table.span()))),+]
+                        .into_iter()
+                        .filter_map(|(key, span)| span.map(|span| (key, span)))
+                        .collect();
+                match given.as_slice() {
+                    [] => Err(source.error(span, format!("no rig; give one key of {}", AnyRig::KEYS.join(", ")))),
+                    [(_, span)] => {
+                        let resolving = Resolving { source, span: span.clone(), interpolation };
+                        $(if let Some(table) = &self.$key {
+                            return table.get_ref().resolve(&resolving).map(AnyRig::$rig);
+                        })+
+                        unreachable!("one key is given");
+                    }
+                    [(first, _), (second, span), ..] => {
+                        let message = format!("`{first}` and `{second}` in one rig; a rig has one key");
+                        Err(source.error(span.clone(), message))
+                    }
+                }
+            }
+        }
+
         impl AnyRig {
             /// The keys that a rig's table may hold, one of them.
             pub const KEYS: &'static [&'static str] = &[$(stringify!($key)),+];
+
+            /// The key of this rig.
+            pub fn key(&self) -> &'static str {
+                match self { $(AnyRig::$rig(_) => stringify!($key)),+ }
+            }
         }
 
         impl Rig for AnyRig {
@@ -141,6 +251,12 @@ macro_rules! rigs {
             fn wgsl(&self, half: [f64; 3]) -> String {
                 match self { $(AnyRig::$rig(rig) => rig.wgsl(half)),+ }
             }
+            fn interpolation(&self) -> Option<&Interpolation> {
+                match self { $(AnyRig::$rig(rig) => rig.interpolation()),+ }
+            }
+            fn reproduces(&self, half: [f64; 3], exponents: [u32; 3]) -> bool {
+                match self { $(AnyRig::$rig(rig) => rig.reproduces(half, exponents)),+ }
+            }
         }
 
         impl<T: Real> RigModel<T> for Model<T> {
@@ -154,6 +270,17 @@ macro_rules! rigs {
     };
 }
 
-rigs!(constant => Constant / ConstantModel);
+rigs!(
+    constant => Constant / Constant / ConstantModel,
+    gradient => Gradient / Gradient / GradientModel,
+    lattice => Lattice / LatticeFile / LatticeModel,
+    mixed => Mixed / MixedFile / MixedModel,
+);
 
-pub use constant::ConstantModel;
+impl AnyRig {
+    /// The rig of an inline table, as the command line gives it: `gradient = {}`.
+    pub fn inline(text: &str) -> Result<Self, InputError> {
+        let source = Source::inline("rig", text);
+        source.parse::<RigFile>()?.resolve(&source, 0..text.len(), None)
+    }
+}

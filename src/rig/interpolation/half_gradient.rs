@@ -1,0 +1,37 @@
+use super::Scheme;
+use super::gradient_corrected::{corrected_nodes, corrected_wgsl, one_expanded_axis};
+use crate::math::{Real, Vector3};
+use crate::rig::{Grid, tensor_taps};
+
+/// Trilinear weights on each corner's expansion with half of its gradient: l(p) = sum_k w_k (f_k + 1/2 g_k . (p - x_k)).
+/// The leading errors of trilinear and of the full gradient are equal and opposite, so that half of the gradient
+/// cancels them: third order. On an axis with one sample there is nothing to cancel, and it uses the full derivative.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct HalfGradient {}
+
+impl Scheme for HalfGradient {
+    fn configured(_power: f64) -> Self {
+        Self {}
+    }
+
+    fn uses_derivatives(&self) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn taps<T: Real>(&self, grid: &Grid<T>, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
+        tensor_taps(grid, &std::array::from_fn(|a| corrected_nodes(&grid.axes[a], q[a], T::of(0.5))), tap);
+    }
+
+    fn wgsl(&self) -> String {
+        corrected_wgsl(0.5)
+    }
+
+    /// Quadratics, and products of linear factors with one square at most; linear alone on one-sample axes.
+    fn reproduces(&self, counts: [usize; 3], exponents: [u32; 3]) -> bool {
+        let squares = exponents.iter().filter(|e| **e == 2).count();
+        (0..3).all(|a| exponents[a] <= if counts[a] == 1 { 1 } else { 2 })
+            && squares <= 1
+            && one_expanded_axis(counts, exponents)
+    }
+}
