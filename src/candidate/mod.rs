@@ -1,5 +1,9 @@
 //! A candidate at work: from lights and a rig to irradiance at points, on the CPU. It knows no reference.
 
+mod prepared;
+
+pub use prepared::{Arithmetic, CandidateError, Counts, GpuBench, Lit, Method, Surroundings, Timed, prepare};
+
 use rayon::prelude::*;
 
 use crate::light::{self, Light};

@@ -31,6 +31,11 @@ impl Evaluator {
         self.pass.once
     }
 
+    /// Bytes that these vectors take on the device.
+    pub fn parameter_bytes(vectors: &ShVectors<f32>) -> u64 {
+        (vectors.count() * coefficients(vectors.order) * 16) as u64
+    }
+
     /// E at every point from irradiance coefficients ([`ShVectors::convolved`]) of this evaluator's order.
     pub fn evaluate(&self, vectors: &ShVectors<f32>, points: &LocalPoints<f32>) -> Result<Vec<Rgb<f32>>, GpuError> {
         self.prepare(vectors, points, points.len())?.evaluate()

@@ -41,6 +41,11 @@ pub fn exact<T: Real>(
     }
 }
 
+/// Exact irradiance at one point, f64.
+pub fn exact_at(lights: &[Light<f64>], point: &SurfacePoint, lobe: &Lobe<f64>) -> Rgb<f64> {
+    light::irradiance(lights, Vector3::of(point.position), Vector3::of(point.normal), lobe).value
+}
+
 /// Irradiance from the exact SH projection of the lights at every point, truncated at each of `orders`: what an order costs,
 /// with no rig at all. One projection at the highest order serves the lower ones, which are its prefixes.
 pub fn truncated(

@@ -1,0 +1,418 @@
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use super::{FittedRig, RigStage, direct, local_points};
+use crate::cost::{Samples, seconds_of};
+use crate::gpu::{Evaluator, Gpu, GpuError, PreparedEvaluation, Sample, Timing};
+use crate::light::{self, Light};
+use crate::math::{Real, Rgb, Vector3};
+use crate::probe::GradientSource;
+use crate::rig::{AnyRig, LocalPoints, Rig};
+use crate::scene::{OrientedBox, SurfacePoint};
+use crate::sh::{Lobe, Window};
+
+/// How a candidate lights a receiver: everything of its configuration that changes its numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Method {
+    /// `None` is `direct`: every light at every point.
+    pub rig: Option<AnyRig>,
+    pub order: usize,
+    pub gradients: GradientSource,
+    pub window: Window,
+    pub arithmetic: Arithmetic,
+}
+
+/// Where and in what precision a candidate is evaluated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Arithmetic {
+    CpuF32,
+    CpuF64,
+    /// f32, parameters in a storage buffer.
+    GpuBuffer,
+    /// f32, parameters in hardware-filtered volume textures.
+    GpuTexture,
+}
+
+impl Arithmetic {
+    pub fn on_gpu(self) -> bool {
+        matches!(self, Arithmetic::GpuBuffer | Arithmetic::GpuTexture)
+    }
+}
+
+/// What a candidate is set up for: one receiver's box under the lights of one frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Surroundings<'a> {
+    pub bounds: OrientedBox,
+    pub lights: &'a [Light<f64>],
+    /// a of the receiver's wrap lobe.
+    pub wrap: f64,
+}
+
+/// What a candidate keeps and what it took, by counting. `None` where a thing has no meaning for it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Counts {
+    pub sh_vectors: Option<u64>,
+    pub projections: Option<u64>,
+    pub direct_lights: Option<u64>,
+    pub model_bytes: Option<u64>,
+    /// Condition number, where a fit solved a system.
+    pub condition: Option<f64>,
+    pub singular: u64,
+}
+
+impl Counts {
+    /// Of several receivers: costs add up; the worst condition counts.
+    pub fn and(self, other: Self) -> Self {
+        let sum = |a: Option<u64>, b: Option<u64>| a.map_or(b, |a| Some(a + b.unwrap_or(0)));
+        Self {
+            sh_vectors: sum(self.sh_vectors, other.sh_vectors),
+            projections: sum(self.projections, other.projections),
+            direct_lights: sum(self.direct_lights, other.direct_lights),
+            model_bytes: sum(self.model_bytes, other.model_bytes),
+            condition: match (self.condition, other.condition) {
+                (Some(a), Some(b)) => Some(a.max(b)),
+                (a, b) => a.or(b),
+            },
+            singular: self.singular + other.singular,
+        }
+    }
+}
+
+/// The device with the pipelines compiled so far, by shader text: scenes that share a box and a rig share a pipeline.
+#[derive(Clone)]
+pub struct GpuBench {
+    pub gpu: Gpu,
+    pipelines: Arc<Mutex<HashMap<(String, usize, bool), Evaluator>>>,
+}
+
+impl GpuBench {
+    pub fn new(gpu: Gpu) -> Self {
+        Self { gpu, pipelines: Arc::default() }
+    }
+
+    fn evaluator(&self, rig: &AnyRig, half: [f64; 3], order: usize, texture: bool) -> Result<Evaluator, GpuError> {
+        let text = rig.wgsl(half);
+        let key = (text, order, texture);
+        if let Some(known) = self.pipelines.lock().expect("no holder panics").get(&key) {
+            return Ok(known.clone());
+        }
+        let made = Evaluator::new(&self.gpu, &key.0, order)?;
+        self.pipelines.lock().expect("no holder panics").insert(key, made.clone());
+        Ok(made)
+    }
+}
+
+/// Why a candidate could not be set up or evaluated.
+#[derive(Debug, thiserror::Error)]
+pub enum CandidateError {
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    #[error("the candidate wants a GPU and none was opened")]
+    NoGpu,
+    /// What went wrong before, where it was not this call that failed.
+    #[error("{0}")]
+    Earlier(String),
+}
+
+/// A candidate set up for its surroundings: it lights points, says what it keeps, and can be timed.
+pub trait Lit: Send + Sync {
+    /// E at every point, unclamped.
+    fn irradiance(&self, points: &[SurfacePoint]) -> Result<Vec<Rgb<f64>>, CandidateError>;
+    fn counts(&self) -> Counts;
+    /// Ready for timing over `total` points, the given ones repeated.
+    fn timed<'a>(&'a self, points: &[SurfacePoint], total: usize) -> Result<Box<dyn Timed + 'a>, CandidateError>;
+}
+
+/// One candidate's work, to be timed piece by piece between the pieces of others.
+pub trait Timed {
+    /// One frame's set-up with nothing cached: projections, fit, upload. Seconds.
+    fn setup(&mut self) -> Result<f64, CandidateError>;
+    /// One evaluation over all points; its time is kept.
+    fn evaluate(&mut self) -> Result<(), CandidateError>;
+    /// The evaluations so far, nanoseconds a point, and the clock they come from.
+    fn evaluations(&self) -> Result<(Samples, &'static str), CandidateError>;
+    /// Forgets the evaluations so far: they were warm-up.
+    fn forget(&mut self);
+    /// What is paid once: pipelines, tables. Seconds; `None` where there is nothing.
+    fn once(&self) -> Option<f64>;
+}
+
+/// Sets a method up.
+pub fn prepare(method: &Method, around: &Surroundings, gpu: Option<&GpuBench>) -> Result<Box<dyn Lit>, CandidateError> {
+    Ok(match (&method.rig, method.arithmetic) {
+        (None, Arithmetic::CpuF64) => Box::new(Direct::<f64>::new(around)),
+        (None, Arithmetic::CpuF32) => Box::new(Direct::<f32>::new(around)),
+        (Some(rig), Arithmetic::CpuF64) => Box::new(CpuRig::<f64>::new(rig, method, around)),
+        (Some(rig), Arithmetic::CpuF32) => Box::new(CpuRig::<f32>::new(rig, method, around)),
+        (rig, Arithmetic::GpuBuffer | Arithmetic::GpuTexture) => {
+            let bench = gpu.ok_or(CandidateError::NoGpu)?;
+            let texture = method.arithmetic == Arithmetic::GpuTexture;
+            match rig {
+                Some(rig) => Box::new(GpuRig::new(rig, method, around, bench, texture)?),
+                None => return Err(CandidateError::Earlier("`direct` has no pass on the GPU".to_owned())),
+            }
+        }
+    })
+}
+
+/// `direct` on the CPU.
+struct Direct<T> {
+    lights: Vec<Light<f64>>,
+    lobe: Lobe<T>,
+    bounds: OrientedBox,
+}
+
+impl<T: Real> Direct<T> {
+    fn new(around: &Surroundings) -> Self {
+        Self { lights: around.lights.to_vec(), lobe: Lobe::new(around.wrap), bounds: around.bounds }
+    }
+}
+
+impl<T: Real> Lit for Direct<T> {
+    fn irradiance(&self, points: &[SurfacePoint]) -> Result<Vec<Rgb<f64>>, CandidateError> {
+        Ok(direct(&self.lights, points, &self.lobe, self.bounds.center).0.iter().map(|e| e.to_double()).collect())
+    }
+
+    fn counts(&self) -> Counts {
+        Counts { direct_lights: Some(self.lights.len() as u64), ..Counts::default() }
+    }
+
+    fn timed<'a>(&'a self, points: &[SurfacePoint], total: usize) -> Result<Box<dyn Timed + 'a>, CandidateError> {
+        let center = self.bounds.center;
+        Ok(Box::new(TimedDirect {
+            direct: self,
+            lights: Vec::new(),
+            rounds: rounds(points, total),
+            points: points.iter().map(|p| (Vector3::of(p.position - center), Vector3::of(p.normal))).collect(),
+            out: vec![Rgb::zero(); points.len()],
+            times: CpuTimes::default(),
+        }))
+    }
+}
+
+/// The bookkeeping of [`Timed`] for a struct with `times: CpuTimes`.
+macro_rules! cpu_times {
+    () => {
+        fn evaluations(&self) -> Result<(Samples, &'static str), CandidateError> {
+            Ok((self.times.0.clone(), "monotonic"))
+        }
+
+        fn forget(&mut self) {
+            self.times.0.0.clear();
+        }
+    };
+}
+
+struct TimedDirect<'a, T: Real> {
+    direct: &'a Direct<T>,
+    lights: Vec<Light<T>>,
+    /// How often the points are gone through in one evaluation.
+    rounds: usize,
+    points: Vec<(Vector3<T>, Vector3<T>)>,
+    out: Vec<Rgb<T>>,
+    times: CpuTimes,
+}
+
+impl<T: Real> Timed for TimedDirect<'_, T> {
+    fn setup(&mut self) -> Result<f64, CandidateError> {
+        let (direct, lights) = (self.direct, &mut self.lights);
+        Ok(seconds_of(|| *lights = direct.lights.iter().map(|s| s.relative_to(direct.bounds.center)).collect()))
+    }
+
+    fn evaluate(&mut self) -> Result<(), CandidateError> {
+        if self.lights.is_empty() {
+            self.setup()?;
+        }
+        let (lights, lobe) = (&self.lights, &self.direct.lobe);
+        let seconds = seconds_of(|| {
+            for _ in 0..self.rounds {
+                for (e, (p, n)) in self.out.iter_mut().zip(&self.points) {
+                    *e = light::irradiance(lights, *p, *n, lobe).value;
+                }
+                std::hint::black_box(&mut self.out);
+            }
+        });
+        self.times.push(seconds, self.rounds * self.points.len());
+        Ok(())
+    }
+
+    cpu_times!();
+
+    fn once(&self) -> Option<f64> {
+        None
+    }
+}
+
+/// A rig on the CPU.
+struct CpuRig<T: Real> {
+    stage: RigStage<T>,
+    fitted: FittedRig<T>,
+}
+
+impl<T: Real> CpuRig<T> {
+    fn new(rig: &AnyRig, method: &Method, around: &Surroundings) -> Self {
+        let stage = stage(rig, method, around);
+        Self { fitted: stage.fit(), stage }
+    }
+}
+
+fn stage<T: Real>(rig: &AnyRig, method: &Method, around: &Surroundings) -> RigStage<T> {
+    let lobe = Lobe::new(around.wrap);
+    RigStage::new(rig, around.bounds, method.order, around.lights, lobe, method.gradients, method.window)
+}
+
+/// Counts of a fitted rig whose model takes `bytes`.
+fn rig_counts<T: Real>(fitted: &FittedRig<T>, bytes: u64) -> Counts {
+    Counts {
+        sh_vectors: Some(fitted.irradiance.count() as u64),
+        projections: Some(fitted.projections),
+        direct_lights: None,
+        model_bytes: Some(bytes),
+        condition: fitted.condition,
+        singular: fitted.singular,
+    }
+}
+
+impl<T: Real> Lit for CpuRig<T> {
+    fn irradiance(&self, points: &[SurfacePoint]) -> Result<Vec<Rgb<f64>>, CandidateError> {
+        let local = local_points(&self.stage.bounds, points);
+        let mut out = vec![Rgb::zero(); points.len()];
+        self.fitted.irradiance(&local, &mut out);
+        Ok(out.iter().map(|e| e.to_double()).collect())
+    }
+
+    fn counts(&self) -> Counts {
+        rig_counts(&self.fitted, std::mem::size_of_val(&self.fitted.irradiance.data[..]) as u64)
+    }
+
+    fn timed<'a>(&'a self, points: &[SurfacePoint], total: usize) -> Result<Box<dyn Timed + 'a>, CandidateError> {
+        Ok(Box::new(TimedRig {
+            stage: &self.stage,
+            fitted: self.fitted.clone(),
+            rounds: rounds(points, total),
+            out: vec![Rgb::zero(); points.len()],
+            times: CpuTimes::default(),
+            points: local_points(&self.stage.bounds, points),
+        }))
+    }
+}
+
+struct TimedRig<'a, T: Real> {
+    stage: &'a RigStage<T>,
+    fitted: FittedRig<T>,
+    rounds: usize,
+    points: LocalPoints<T>,
+    out: Vec<Rgb<T>>,
+    times: CpuTimes,
+}
+
+impl<T: Real> Timed for TimedRig<'_, T> {
+    fn setup(&mut self) -> Result<f64, CandidateError> {
+        Ok(seconds_of(|| self.fitted = self.stage.fit()))
+    }
+
+    fn evaluate(&mut self) -> Result<(), CandidateError> {
+        let seconds = seconds_of(|| {
+            for _ in 0..self.rounds {
+                self.fitted.irradiance(&self.points, &mut self.out);
+                std::hint::black_box(&mut self.out);
+            }
+        });
+        self.times.push(seconds, self.rounds * self.out.len());
+        Ok(())
+    }
+
+    cpu_times!();
+
+    fn once(&self) -> Option<f64> {
+        None
+    }
+}
+
+/// A rig that is fitted on the CPU and evaluated on the GPU, as engines do.
+struct GpuRig {
+    stage: RigStage<f32>,
+    fitted: FittedRig<f32>,
+    evaluator: Evaluator,
+}
+
+impl GpuRig {
+    fn new(
+        rig: &AnyRig,
+        method: &Method,
+        around: &Surroundings,
+        bench: &GpuBench,
+        texture: bool,
+    ) -> Result<Self, CandidateError> {
+        let evaluator = bench.evaluator(rig, around.bounds.half, method.order, texture)?;
+        let stage = stage::<f32>(rig, method, around);
+        Ok(Self { fitted: stage.fit(), stage, evaluator })
+    }
+}
+
+impl Lit for GpuRig {
+    fn irradiance(&self, points: &[SurfacePoint]) -> Result<Vec<Rgb<f64>>, CandidateError> {
+        let local = local_points(&self.stage.bounds, points);
+        let values = self.evaluator.evaluate(&self.fitted.irradiance, &local)?;
+        Ok(values.iter().map(|e| e.to_double()).collect())
+    }
+
+    fn counts(&self) -> Counts {
+        rig_counts(&self.fitted, Evaluator::parameter_bytes(&self.fitted.irradiance))
+    }
+
+    fn timed<'a>(&'a self, points: &[SurfacePoint], total: usize) -> Result<Box<dyn Timed + 'a>, CandidateError> {
+        let local = local_points(&self.stage.bounds, points);
+        let prepared = self.evaluator.prepare(&self.fitted.irradiance, &local, total)?;
+        Ok(Box::new(TimedGpu { fit: Some(&self.stage), prepared, samples: Vec::new(), once: self.evaluator.once() }))
+    }
+}
+
+/// Anything evaluated on the GPU: a frame's set-up is the fit on the CPU, where there is one, and the upload.
+struct TimedGpu<'a> {
+    fit: Option<&'a RigStage<f32>>,
+    prepared: PreparedEvaluation,
+    samples: Vec<Sample>,
+    once: Duration,
+}
+
+impl Timed for TimedGpu<'_> {
+    fn setup(&mut self) -> Result<f64, CandidateError> {
+        let fit = self.fit.map_or(0.0, |stage| seconds_of(|| stage.fit()));
+        Ok(fit + self.prepared.setup_sample()?.as_secs_f64())
+    }
+
+    fn evaluate(&mut self) -> Result<(), CandidateError> {
+        self.samples.push(self.prepared.sample()?);
+        Ok(())
+    }
+
+    fn evaluations(&self) -> Result<(Samples, &'static str), CandidateError> {
+        let timing = Timing::of(&self.samples, self.prepared.points())?;
+        Ok((Samples(timing.samples_ns_per_point), timing.timer.name()))
+    }
+
+    fn forget(&mut self) {
+        self.samples.clear();
+    }
+
+    fn once(&self) -> Option<f64> {
+        Some(self.once.as_secs_f64())
+    }
+}
+
+/// Evaluation times on the CPU's monotonic clock.
+#[derive(Default)]
+struct CpuTimes(Samples);
+
+impl CpuTimes {
+    fn push(&mut self, seconds: f64, points: usize) {
+        self.0.0.push(seconds * 1e9 / points as f64);
+    }
+}
+
+/// How often the points must be gone through for at least `total` evaluations.
+fn rounds(points: &[SurfacePoint], total: usize) -> usize {
+    total.div_ceil(points.len().max(1)).max(1)
+}
