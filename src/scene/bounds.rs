@@ -1,4 +1,4 @@
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 
 /// A receiver's box: its bounding box in object space, carried by its transform. Any half extent may be 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,6 +14,23 @@ impl OrientedBox {
     /// A box along the world's axes.
     pub fn aligned(min: DVec3, max: DVec3) -> Self {
         Self { center: 0.5 * (min + max), axes: [DVec3::X, DVec3::Y, DVec3::Z], half: (0.5 * (max - min)).to_array() }
+    }
+
+    /// The box under a map that keeps its edges at right angles: one that scales along the axes, turns and moves.
+    /// Axes are the images of the box's own, with their sign; a mirroring map gives a left-handed frame.
+    pub fn carried(&self, map: &DAffine3) -> Self {
+        let edges = self.axes.map(|axis| map.transform_vector3(axis));
+        Self {
+            center: map.transform_point3(self.center),
+            axes: edges.map(DVec3::normalize),
+            half: [0, 1, 2].map(|i| self.half[i] * edges[i].length()),
+        }
+    }
+
+    /// The eight corners (some alike where it lacks extent).
+    pub fn corners(&self) -> [DVec3; 8] {
+        let side = |bit: usize, axis: usize| if bit >> axis & 1 == 0 { -self.half[axis] } else { self.half[axis] };
+        std::array::from_fn(|i| self.world([0, 1, 2].map(|axis| side(i, axis))))
     }
 
     /// Box coordinates of a world point: metres along the axes, from the centre.

@@ -1,8 +1,25 @@
 //! Scenes and light layouts: files, meshes, transforms, camera, surface points.
 
+mod area;
 mod bounds;
+mod camera;
+mod file;
+mod mesh;
+mod motion;
+mod pixels;
+mod receiver;
+mod shape;
+mod transform;
 
 pub use bounds::OrientedBox;
+pub use camera::Camera;
+pub use file::{Scene, SceneFile};
+pub use mesh::{MESH_EXTENSIONS, Mesh};
+pub use motion::MotionPath;
+pub use pixels::{PixelHit, Pixels, View};
+pub use receiver::{Material, Receiver, StaticObject};
+pub use shape::Shape;
+pub use transform::Transform;
 
 use glam::DVec3;
 

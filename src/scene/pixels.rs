@@ -1,0 +1,192 @@
+//! What the camera sees: the points from which pictures come.
+
+use glam::{DVec3, Vec3A};
+use obvhs::aabb::Aabb;
+use obvhs::cwbvh::CwBvh;
+use obvhs::cwbvh::builder::build_cwbvh;
+use obvhs::ray::{Ray, RayHit};
+use obvhs::rt_triangle::RtTriangle;
+use obvhs::{Boundable, BvhBuildParams};
+use rayon::prelude::*;
+
+use super::{Camera, Mesh, Scene, SurfacePoint};
+
+/// Half diagonal of the geometry in the coordinates of the f32 rays: obvhs takes boxes that end within 1e-4 units of
+/// a ray's origin for missed, which must be nothing beside the scene.
+const HALF_DIAGONAL: f64 = 1024.0;
+
+/// Boxes are widened by this many units, 16 roundings of the largest coordinate: flat ones are met too.
+const BOX_PADDING: f32 = HALF_DIAGONAL as f32 * f32::EPSILON * 16.0;
+
+/// Triangles are widened by this fraction of their edges, 8 roundings: no ray slips through an edge that two share.
+const EDGE_TOLERANCE: f32 = 8.0 * f32::EPSILON;
+
+/// Pixels of a tile's side: rays of one tile meet the same nodes.
+const TILE: usize = 8;
+
+/// What a pixel's ray meets first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PixelHit {
+    /// The shading normal of the side that the camera sees.
+    pub point: SurfacePoint,
+    pub albedo: [f64; 3],
+    /// Which receiver of the scene; `None`: static environment.
+    pub receiver: Option<u16>,
+}
+
+/// A picture's surface points, one ray through the middle of each pixel.
+#[derive(Clone, Debug)]
+pub struct Pixels {
+    pub width: usize,
+    pub height: usize,
+    /// Row by row from the top left; `None` where the ray leaves the scene.
+    pub hits: Vec<Option<PixelHit>>,
+}
+
+impl Pixels {
+    /// What the scene's camera sees in a frame; a scene without a camera shows nothing.
+    pub fn cast(scene: &Scene, frame: usize, width: usize, height: usize) -> Self {
+        match &scene.camera {
+            Some(camera) => View::new(scene, frame).cast(camera, width, height),
+            None => Self { width, height, hits: vec![None; width * height] },
+        }
+    }
+}
+
+/// Receivers and static objects in one frame, ready for a camera's rays.
+pub struct View {
+    center: DVec3,
+    /// Units a metre.
+    scale: f64,
+    bvh: CwBvh,
+    /// In the order of the BVH's leaves.
+    leaves: Vec<RtTriangle>,
+    /// One a leaf: object, triangle.
+    sources: Vec<(u32, u32)>,
+    objects: Vec<VisibleObject>,
+}
+
+struct VisibleObject {
+    mesh: Mesh,
+    albedo: [f64; 3],
+    receiver: Option<u16>,
+}
+
+/// A triangle's box, widened.
+struct PaddedBox(Aabb);
+
+impl Boundable for PaddedBox {
+    fn aabb(&self) -> Aabb {
+        self.0
+    }
+}
+
+/// Distance along the ray, infinite for a miss (Möller and Trumbore 1997, in the form of obvhs's own triangle, with
+/// tolerant edges). Either side is hit.
+#[inline(always)]
+fn intersect(triangle: &RtTriangle, ray: &Ray) -> f32 {
+    let to = triangle.v0 - ray.origin;
+    let turned = ray.direction.cross(to);
+    let inverse = 1.0 / triangle.ng.dot(ray.direction);
+    let u = turned.dot(triangle.e2) * inverse;
+    let v = turned.dot(triangle.e1) * inverse;
+    let distance = triangle.ng.dot(to) * inverse;
+    // false for the NaN of an edge-on triangle
+    let inside = u.min(v).min(1.0 - u - v) >= -EDGE_TOLERANCE;
+    if inside && distance >= ray.tmin && distance <= ray.tmax { distance } else { f32::INFINITY }
+}
+
+impl View {
+    pub fn new(scene: &Scene, frame: usize) -> Self {
+        let receivers = scene.receivers.iter().zip(0u16..).filter_map(|(receiver, index)| {
+            let mesh = receiver.world_mesh(frame)?;
+            Some(VisibleObject { mesh, albedo: receiver.material.albedo, receiver: Some(index) })
+        });
+        let statics = scene.statics.iter().map(|object| VisibleObject {
+            mesh: object.mesh.clone(),
+            albedo: object.material.albedo,
+            receiver: None,
+        });
+        let objects: Vec<VisibleObject> = receivers.chain(statics).collect();
+        let (min, max) = objects
+            .iter()
+            .map(|object| object.mesh.bounds())
+            .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+            .unwrap_or((DVec3::ZERO, DVec3::ZERO));
+        let center = 0.5 * (min + max);
+        let half_diagonal = 0.5 * (max - min).length();
+        let scale = if half_diagonal > 0.0 { (HALF_DIAGONAL / half_diagonal).log2().floor().exp2() } else { 1.0 };
+
+        let (mut triangles, mut sources) = (Vec::new(), Vec::new());
+        for (object, index) in objects.iter().zip(0..) {
+            for triangle in 0..object.mesh.triangles.len() {
+                triangles.push(object.mesh.corners(triangle).map(|p| ((p - center) * scale).as_vec3a()));
+                sources.push((index, triangle as u32));
+            }
+        }
+        let padded = |corners: &[Vec3A; 3]| {
+            let mut bounds = Aabb::from_points(corners);
+            bounds.min -= Vec3A::splat(BOX_PADDING);
+            bounds.max += Vec3A::splat(BOX_PADDING);
+            PaddedBox(bounds)
+        };
+        let boxes: Vec<PaddedBox> = triangles.iter().map(padded).collect();
+        let bvh = match boxes.is_empty() {
+            true => CwBvh::default(),
+            false => build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Default::default()),
+        };
+        let in_order = |index: &u32| {
+            let [a, b, c] = triangles[*index as usize];
+            RtTriangle::new(a, b, c)
+        };
+        Self {
+            center,
+            scale,
+            leaves: bvh.primitive_indices.iter().map(in_order).collect(),
+            sources: bvh.primitive_indices.iter().map(|index| sources[*index as usize]).collect(),
+            bvh,
+            objects,
+        }
+    }
+
+    /// One ray through the middle of each pixel, in parallel over bands of rows.
+    pub fn cast(&self, camera: &Camera, width: usize, height: usize) -> Pixels {
+        let mut hits = vec![None; width * height];
+        hits.par_chunks_mut((width * TILE).max(1)).enumerate().for_each(|(band, pixels)| {
+            let rows = pixels.len() / width;
+            for left in (0..width).step_by(TILE) {
+                for row in 0..rows {
+                    for column in left..(left + TILE).min(width) {
+                        let (x, y) = (column as f64 + 0.5, (band * TILE + row) as f64 + 0.5);
+                        pixels[row * width + column] = self.look(camera.eye, camera.direction(x, y, width, height));
+                    }
+                }
+            }
+        });
+        Pixels { width, height, hits }
+    }
+
+    /// The first surface along a ray: found in f32, its place refined in f64.
+    #[inline]
+    pub fn look(&self, eye: DVec3, direction: DVec3) -> Option<PixelHit> {
+        let ray = Ray::new_inf(((eye - self.center) * self.scale).as_vec3a(), direction.as_vec3a());
+        let mut hit = RayHit::none();
+        if !self.bvh.ray_traverse(ray, &mut hit, |ray, leaf| intersect(&self.leaves[leaf], ray)) {
+            return None;
+        }
+        let (object, triangle) = self.sources[hit.primitive_id as usize];
+        let object = &self.objects[object as usize];
+        let [a, b, c] = object.mesh.corners(triangle as usize);
+        let (ab, ac, to) = (b - a, c - a, eye - a);
+        let face = ab.cross(ac);
+        let facing = -face.dot(direction);
+        let turned = to.cross(direction);
+        let u = (-ac.dot(turned) / facing).clamp(0.0, 1.0);
+        let v = (ab.dot(turned) / facing).clamp(0.0, 1.0 - u);
+        let mut point = object.mesh.point(triangle as usize, u, v);
+        if facing < 0.0 {
+            point.normal = -point.normal;
+        }
+        Some(PixelHit { point, albedo: object.albedo, receiver: object.receiver })
+    }
+}
