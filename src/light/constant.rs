@@ -72,6 +72,7 @@ impl<T: Real> LightShape<T> for Constant<T> {
             distance: T::infinity(),
             weight: self.radiance * whole,
             pdf_solid_angle: Some(T::one() / whole),
+            normal: None,
         })
     }
 

@@ -71,6 +71,7 @@ impl<T: Real> LightShape<T> for Directional<T> {
             distance: T::infinity(),
             weight: self.irradiance,
             pdf_solid_angle: None,
+            normal: None,
         })
     }
 

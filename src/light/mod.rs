@@ -84,6 +84,9 @@ pub struct LightSample<T> {
     pub weight: Rgb<T>,
     /// Density of `direction` per steradian, [`LightShape::pdf_solid_angle`]; `None` for lights without extent.
     pub pdf_solid_angle: Option<T>,
+    /// Unit normal of the light's surface at that place, on the side that is seen; `None` where there is no surface (lights without
+    /// extent, and at infinity).
+    pub normal: Option<Vector3<T>>,
 }
 
 impl<T: Real> LightSample<T> {

@@ -110,6 +110,7 @@ impl<T: Real> LightShape<T> for Point<T> {
             distance: T::one() / inverse,
             weight: self.intensity * (inverse * inverse),
             pdf_solid_angle: None,
+            normal: None,
         })
     }
 

@@ -281,7 +281,15 @@ impl<T: Real> UniformEmitter<T> for Sphere<T> {
         let half_chord = ((self.radius - miss).max(T::zero()) * (self.radius + miss)).sqrt();
         let inside = to.length() < self.radius;
         let distance = if inside { along + half_chord } else { along - half_chord };
-        Some(LightSample { direction, distance, weight: Rgb::splat(T::one() / pdf), pdf_solid_angle: Some(pdf) })
+        let outwards = (direction * distance - to) / self.radius;
+        let normal = Some(if inside { -outwards } else { outwards });
+        Some(LightSample {
+            direction,
+            distance,
+            weight: Rgb::splat(T::one() / pdf),
+            pdf_solid_angle: Some(pdf),
+            normal,
+        })
     }
 
     fn unit_pdf_solid_angle(&self, p: Vector3<T>, direction: Vector3<T>) -> T {

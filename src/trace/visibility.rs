@@ -34,6 +34,8 @@ pub struct Hit {
 /// must start.
 #[derive(Debug)]
 pub struct Visibility {
+    min: DVec3,
+    max: DVec3,
     center: DVec3,
     /// Units a metre, a power of two.
     scale: f64,
@@ -109,7 +111,12 @@ impl Visibility {
             build_cwbvh(&leaves, BvhBuildParams::medium_build(), &mut Default::default())
         };
         let leaves = bvh.primitive_indices.iter().map(|i| leaves[*i as usize]).collect();
-        Self { center, scale, half_diagonal, bvh, leaves }
+        Self { min, max, center, scale, half_diagonal, bvh, leaves }
+    }
+
+    /// The corners of the geometry's bounding box; both the origin where there is none.
+    pub fn bounds(&self) -> (DVec3, DVec3) {
+        (self.min, self.max)
     }
 
     pub fn is_empty(&self) -> bool {
@@ -144,12 +151,19 @@ impl Visibility {
         })
     }
 
+    /// Whether anything stands between `from` and the place exactly `distance` metres along the unit `direction`.
+    #[inline]
+    pub fn occluded_within(&self, from: DVec3, direction: DVec3, distance: f64) -> bool {
+        let Probe { ray, ray_from_world } = self.probe(from, direction, distance);
+        !self.bvh.ray_traverse_miss(ray, |ray, id| self.leaves[id].intersect(ray, &ray_from_world))
+    }
+
     /// Whether anything stands between `from` and the place `distance` metres along the unit `direction` (may be infinite).
     /// The last 16 epsilons count for nothing: a light may lie on a surface.
     #[inline]
     pub fn occluded(&self, from: DVec3, direction: DVec3, distance: f64) -> bool {
-        let Probe { ray, ray_from_world } = self.probe(from, direction, distance - 16.0 * self.epsilon(from));
-        ray.tmax > 0.0 && !self.bvh.ray_traverse_miss(ray, |ray, id| self.leaves[id].intersect(ray, &ray_from_world))
+        let within = distance - 16.0 * self.epsilon(from);
+        within > 0.0 && self.occluded_within(from, direction, within)
     }
 }
 
