@@ -7,6 +7,8 @@ mod device;
 mod evaluation;
 #[path = "gpu/timing.rs"]
 mod timing;
+#[path = "gpu/volume.rs"]
+mod volume;
 
 use std::io::Write;
 use std::sync::{Mutex, OnceLock, PoisonError};

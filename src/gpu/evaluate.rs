@@ -21,6 +21,7 @@ impl Evaluator {
             .with_points()
             .with_basis(order)
             .with(include_str!("shaders/taps.wgsl"))
+            .with_dot(order)
             .with(model)
             .with(include_str!("passes/evaluate.wgsl"));
         Ok(Self { gpu: gpu.clone(), pass: PointPass::new(gpu, "evaluate", text, Parameters::Buffer)?, order })

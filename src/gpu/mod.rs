@@ -13,9 +13,11 @@ mod pass;
 mod points;
 mod shader;
 mod timing;
+mod volume;
 
 pub use device::{AdapterDescription, AdapterKind, Gpu, GpuError, GpuFeatures, GpuLimits, NoGpu};
 pub use evaluate::{Evaluator, PreparedEvaluation};
 pub use expression::WgslExpression;
 pub use shader::ShaderText;
 pub use timing::{Sample, Timer, Timing};
+pub use volume::{VolumeEvaluator, VolumeFormat, VolumeShape};

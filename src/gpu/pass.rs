@@ -12,8 +12,7 @@ use crate::rig::LocalPoints;
 pub(super) enum Parameters {
     /// A storage buffer at binding 3.
     Buffer,
-    /// A volume texture at binding 3 and its sampler at binding 4.
-    #[expect(dead_code, reason = "volume textures come next")]
+    /// A volume texture at binding 3, its sampler at binding 4, a uniform row of four numbers at binding 5.
     Volume,
 }
 
@@ -243,12 +242,12 @@ impl Stamps {
 }
 
 fn bind_group_layout(gpu: &Gpu, name: &str, parameters: Parameters) -> wgpu::BindGroupLayout {
-    let tile = wgpu::BindingType::Buffer {
+    let uniform = |has_dynamic_offset, bytes| wgpu::BindingType::Buffer {
         ty: wgpu::BufferBindingType::Uniform,
-        has_dynamic_offset: true,
-        min_binding_size: std::num::NonZeroU64::new(8),
+        has_dynamic_offset,
+        min_binding_size: std::num::NonZeroU64::new(bytes),
     };
-    let mut entries = vec![layout_entry(0, tile), storage_entry(1, true), storage_entry(2, false)];
+    let mut entries = vec![layout_entry(0, uniform(true, 8)), storage_entry(1, true), storage_entry(2, false)];
     match parameters {
         Parameters::Buffer => entries.push(storage_entry(3, true)),
         Parameters::Volume => {
@@ -259,6 +258,7 @@ fn bind_group_layout(gpu: &Gpu, name: &str, parameters: Parameters) -> wgpu::Bin
             };
             entries.push(layout_entry(3, texture));
             entries.push(layout_entry(4, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)));
+            entries.push(layout_entry(5, uniform(false, 16)));
         }
     }
     gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(name), entries: &entries })

@@ -50,6 +50,15 @@ impl ShaderText {
         part.with(include_str!("shaders/sh.wgsl"))
     }
 
+    /// `sh_dot(first) -> vec3f`: the sum over coefficients of `sh_y[k]` times the row `vectors[first + k]`, in the order of k.
+    pub(super) fn with_dot(mut self, order: usize) -> Self {
+        self.text.push_str("fn sh_dot(first: u32) -> vec3f {\n    var sum = sh_y[0] * vectors[first].rgb;\n");
+        for k in 1..coefficients(order) {
+            writeln!(self.text, "    sum += sh_y[{k}] * vectors[first + {k}u].rgb;").unwrap();
+        }
+        self.with("    return sum;\n}\n")
+    }
+
     /// The points, and where their results go.
     pub(super) fn with_points(self) -> Self {
         self.with_count("WORKGROUP", WORKGROUP).with(include_str!("shaders/points.wgsl"))
@@ -59,18 +68,14 @@ impl ShaderText {
         &self.text
     }
 
-    /// Compiles the module. Its loops all end, by counts that are printed or bounded by a buffer's length; so wgpu's own
-    /// loop counters, which would keep compilers from unrolling, are left out. Bounds checks stay.
+    /// Compiles the module with all of wgpu's checks. They bound every loop, which may keep a compiler from unrolling it:
+    /// the sums over coefficients, which every point pays, are therefore printed without a loop.
     pub(super) fn compile(&self, gpu: &Gpu, label: &str) -> Result<wgpu::ShaderModule, GpuError> {
         gpu.checked(&format!("the shader {label}"), || {
-            let descriptor = wgpu::ShaderModuleDescriptor {
+            Ok(gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(label),
                 source: wgpu::ShaderSource::Wgsl(self.text.as_str().into()),
-            };
-            let mut checks = wgpu::ShaderRuntimeChecks::checked();
-            checks.force_loop_bounding = false;
-            // SAFETY: no shader of this crate has a loop without an end, see above; every other check is on.
-            Ok(unsafe { gpu.device.create_shader_module_trusted(descriptor, checks) })
+            }))
         })
     }
 }
