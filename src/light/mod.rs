@@ -287,12 +287,13 @@ macro_rules! light_shapes {
         impl<P> LightFile<P> {
             /// The light that this table describes. `span` is the place of the whole table.
             pub fn resolve(&self, source: &Source, span: Range<usize>) -> Result<Light<f64>, InputError> {
-                let given: Vec<(&str, Range<usize>)> = [
+                let mut given: Vec<(&str, Range<usize>)> = [
                     $((stringify!($key), self.$key.as_ref().map(|table| table.span()))),+
                 ]
                 .into_iter()
                 .filter_map(|(key, span)| Some((key, span?)))
                 .collect();
+                given.sort_by_key(|(_, span)| span.start);
                 match given.as_slice() {
                     [_] => {}
                     [] => {

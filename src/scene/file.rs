@@ -1,7 +1,7 @@
 //! The scene file: its form, the checks of its values, and the scene that comes of it.
 
 use std::cmp::Ordering;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
@@ -231,7 +231,7 @@ pub(super) fn content_hash(text: &str, assets: &[Vec<u8>]) -> String {
 
 /// Names that were given, to find the second of two.
 #[derive(Default)]
-pub(super) struct Names(HashMap<String, ()>);
+pub(super) struct Names(HashSet<String>);
 
 impl Names {
     pub fn add(&mut self, source: &Source, name: &Spanned<String>, what: &str) -> Result<String, InputError> {
@@ -239,9 +239,9 @@ impl Names {
         if text.trim().is_empty() {
             return Err(source.error(name.span(), format!("{what} needs a name that is not empty")));
         }
-        match self.0.insert(text.clone(), ()) {
-            None => Ok(text),
-            Some(()) => {
+        match self.0.insert(text.clone()) {
+            true => Ok(text),
+            false => {
                 Err(source.error(name.span(), format!("the name `{text}` is given twice; every {what} needs its own")))
             }
         }

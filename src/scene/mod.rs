@@ -4,20 +4,26 @@ mod area;
 mod bounds;
 mod camera;
 mod file;
+mod layout;
 mod mesh;
 mod motion;
 mod pixels;
+mod random;
 mod receiver;
+mod resolve;
 mod shape;
 mod transform;
 
 pub use bounds::OrientedBox;
 pub use camera::Camera;
-pub use file::{Scene, SceneFile};
+pub use file::{PathFile, Scene, SceneFile};
+pub use layout::{Layout, LayoutInstance, NamedLight};
 pub use mesh::{MESH_EXTENSIONS, Mesh};
 pub use motion::MotionPath;
 pub use pixels::{PixelHit, Pixels, View};
+pub use random::{RandomKind, RandomLayouts};
 pub use receiver::{Material, Receiver, StaticObject};
+pub use resolve::{resolve_layout, resolve_scene, root};
 pub use shape::Shape;
 pub use transform::Transform;
 

@@ -1,0 +1,223 @@
+//! Families of random layouts: for win rates and intervals instead of single cases.
+
+use glam::DVec3;
+use serde::Deserialize;
+
+use super::layout::NamedLight;
+use super::{MotionPath, OrientedBox};
+use crate::input::{Finite, InputError, Source, Spanned};
+use crate::light::{Light, Point, Sphere};
+use crate::math::{Rgb, Stream, StreamPurpose, Vector3};
+
+/// Each channel of a light differs from grey by at most this fraction, before the mean is set back to 1.
+const TINT: f64 = 0.2;
+
+/// The most layouts of a family, and lights of a layout.
+const MOST: i64 = 100_000;
+
+/// `[random]` as it is written.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RandomFile {
+    #[serde(default)]
+    seed: u64,
+    layouts: Spanned<i64>,
+    lights: Spanned<i64>,
+    kinds: Spanned<Vec<Spanned<String>>>,
+    distance: Spanned<Vec<Finite>>,
+    size: Spanned<Vec<Finite>>,
+    power: Spanned<RangeFile>,
+}
+
+/// Layouts of lights around the receivers, drawn at random.
+///
+/// The unit of lengths is the half diagonal of the receiver's box (1 m for a box without extent; of several receivers, the
+/// box along the world's axes around all of theirs). A light stands in a direction from the box's centre that is uniform over
+/// the sphere, with its nearest possible point at a distance from the box that is uniform in `distance`: a light never
+/// touches the box, however it is turned. Flat lights face a uniform point of the box.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RandomLayouts {
+    pub seed: u64,
+    /// How many layouts.
+    pub layouts: usize,
+    /// Lights of each.
+    pub lights: usize,
+    /// Each light is one of these with equal chance.
+    pub kinds: Vec<RandomKind>,
+    /// From the box to the light, least and most.
+    pub distance: [f64; 2],
+    /// Radius, half edge or half length, least and most.
+    pub size: [f64; 2],
+    /// W that a light sends out in all, the mean of its channels, least and most; uniform in its logarithm.
+    pub power: [f64; 2],
+}
+
+/// A light shape that random layouts can draw.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RandomKind {
+    Sphere,
+    Point,
+}
+
+impl RandomKind {
+    const ALL: &'static [(&'static str, RandomKind)] = &[("sphere", RandomKind::Sphere), ("point", RandomKind::Point)];
+
+    /// Radius of the sphere that holds the light however it is turned, over its size.
+    fn reach(self) -> f64 {
+        match self {
+            RandomKind::Sphere => 1.0,
+            RandomKind::Point => 0.0,
+        }
+    }
+
+    /// A light of radiant power `power` at `center`. A sphere sends out 4 pi^2 R^2 L, a point 4 pi I.
+    fn light(self, center: DVec3, size: f64, power: Rgb<f64>) -> Light<f64> {
+        use std::f64::consts::PI;
+        let center = Vector3::of(center);
+        match self {
+            RandomKind::Sphere => {
+                let radiance = power * (1.0 / (4.0 * PI * PI * size * size));
+                Light::Sphere(Sphere { center, radius: size, radiance })
+            }
+            RandomKind::Point => Light::Point(Point { position: center, intensity: power * (0.25 / PI) }),
+        }
+    }
+}
+
+impl RandomLayouts {
+    /// The lights of one layout of the family.
+    pub(super) fn lights(&self, index: usize, receivers: &[OrientedBox]) -> Vec<NamedLight> {
+        let bounds = around(receivers);
+        let unit = if bounds.half_diagonal() > 0.0 { bounds.half_diagonal() } else { 1.0 };
+        let mut stream = Stream::indexed(self.seed, StreamPurpose::Layout, index as u64);
+        (0..self.lights)
+            .map(|number| {
+                let kind = self.kinds[(stream.next_u64() % self.kinds.len() as u64) as usize];
+                let size = unit * stream.uniform_between(self.size[0], self.size[1]);
+                let distance = unit * stream.uniform_between(self.distance[0], self.distance[1]);
+                let direction = stream.direction();
+                let center = at_distance(&bounds, direction, distance + kind.reach() * size);
+                let power = (stream.uniform_between(self.power[0].ln(), self.power[1].ln())).exp();
+                let tint: [f64; 3] = std::array::from_fn(|_| stream.uniform_between(1.0 - TINT, 1.0 + TINT));
+                let grey = tint.iter().sum::<f64>() / 3.0;
+                let light = kind.light(center, size, Rgb::of(tint) * (power / grey));
+                NamedLight { name: format!("light-{}", number + 1), light, path: None::<MotionPath> }
+            })
+            .collect()
+    }
+}
+
+/// The receivers' common box.
+fn around(receivers: &[OrientedBox]) -> OrientedBox {
+    match receivers {
+        [] => OrientedBox::aligned(DVec3::ZERO, DVec3::ZERO),
+        [only] => *only,
+        several => {
+            let corners = several.iter().flat_map(OrientedBox::corners);
+            let (min, max) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), c| (a.min(c), b.max(c)));
+            OrientedBox::aligned(min, max)
+        }
+    }
+}
+
+/// The point in a direction from the box's centre whose distance from the box is `distance`, by bisection:
+/// the distance grows with every step along the direction once the box is left.
+fn at_distance(bounds: &OrientedBox, direction: DVec3, distance: f64) -> DVec3 {
+    let (mut near, mut far) = (0.0, bounds.half_diagonal() + distance);
+    for _ in 0..64 {
+        let middle = 0.5 * (near + far);
+        match bounds.distance(bounds.center + direction * middle) < distance {
+            true => near = middle,
+            false => far = middle,
+        }
+    }
+    bounds.center + direction * far
+}
+
+/// One number, or the least and the most.
+#[derive(Debug, Clone, Copy)]
+struct RangeFile([f64; 2]);
+
+impl<'de> Deserialize<'de> for RangeFile {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Visitor;
+        impl<'de> serde::de::Visitor<'de> for Visitor {
+            type Value = RangeFile;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+                f.write_str("a number, or the least and the most")
+            }
+            fn visit_f64<E: serde::de::Error>(self, value: f64) -> Result<RangeFile, E> {
+                match value.is_finite() {
+                    true => Ok(RangeFile([value; 2])),
+                    false => Err(E::custom(format!("{value} is no finite number"))),
+                }
+            }
+            fn visit_i64<E: serde::de::Error>(self, value: i64) -> Result<RangeFile, E> {
+                self.visit_f64(value as f64)
+            }
+            fn visit_seq<A: serde::de::SeqAccess<'de>>(self, values: A) -> Result<RangeFile, A::Error> {
+                let values = Vec::<Finite>::deserialize(serde::de::value::SeqAccessDeserializer::new(values))?;
+                match values[..] {
+                    [least, most] => Ok(RangeFile([least.0, most.0])),
+                    _ => Err(serde::de::Error::custom(format!("{} numbers where one or two belong", values.len()))),
+                }
+            }
+        }
+        deserializer.deserialize_any(Visitor)
+    }
+}
+
+impl RandomFile {
+    pub(super) fn resolve(&self, source: &Source) -> Result<RandomLayouts, InputError> {
+        let count = |value: &Spanned<i64>, what: &str| match *value.get_ref() {
+            number if (1..=MOST).contains(&number) => Ok(number as usize),
+            number => Err(source.error(value.span(), format!("{number} {what}; 1 to {MOST} are allowed"))),
+        };
+        let range = |value: &Spanned<Vec<Finite>>, what: &str| match value.get_ref()[..] {
+            [least, most] if least.0 <= most.0 => Ok([least.0, most.0]),
+            [least, most] => Err(source.error(value.span(), format!("{what} from {} down to {}", least.0, most.0))),
+            _ => {
+                let message = format!("{what} has {} numbers; it needs the least and the most", value.get_ref().len());
+                Err(source.error(value.span(), message))
+            }
+        };
+        let mut kinds = Vec::new();
+        for word in self.kinds.get_ref() {
+            kinds.push(kind(source, word)?);
+        }
+        if kinds.is_empty() {
+            return Err(source.error(self.kinds.span(), "no kinds of lights; name one or more"));
+        }
+        let distance = range(&self.distance, "distance")?;
+        if distance[0] < 0.0 {
+            return Err(source.error(self.distance.span(), format!("distance {}; it may not be negative", distance[0])));
+        }
+        let size = range(&self.size, "size")?;
+        if size[0] <= 0.0 {
+            return Err(source.error(self.size.span(), format!("size {}; it must be above 0", size[0])));
+        }
+        let power = self.power.get_ref().0;
+        if power[0] <= 0.0 || power[1] < power[0] {
+            let message = format!("power {} to {}; it must be above 0, the least before the most", power[0], power[1]);
+            return Err(source.error(self.power.span(), message));
+        }
+        Ok(RandomLayouts {
+            seed: self.seed,
+            layouts: count(&self.layouts, "layouts")?,
+            lights: count(&self.lights, "lights")?,
+            kinds,
+            distance,
+            size,
+            power,
+        })
+    }
+}
+
+fn kind(source: &Source, word: &Spanned<String>) -> Result<RandomKind, InputError> {
+    let allowed: Vec<&str> = RandomKind::ALL.iter().map(|(name, _)| *name).collect();
+    match RandomKind::ALL.iter().find(|(name, _)| name == word.get_ref()) {
+        Some((_, kind)) => Ok(*kind),
+        None => Err(source.unknown_word(word.span(), "kind of random light", word.get_ref(), allowed)),
+    }
+}
