@@ -233,8 +233,34 @@ fn weights_stay_finite_near_and_far() {
             assert!(double.iter().all(|v| v.is_finite()), "{} in {half:?}: {double:?}", entry.text);
         }
     }
-    // the naive weight 1/d at a sample is what this rules out
-    assert!(!(1.0f32 / 0.0 / (1.0 / 0.0)).is_finite());
+}
+
+/// Inverse distance as it is first written down: 1/d over the sum of 1/d.
+struct NaiveInverseDistance {
+    samples: Vec<DVec3>,
+}
+
+impl RigModel<f32> for NaiveInverseDistance {
+    fn taps(&self, q: Vector3<f32>, tap: &mut impl FnMut(usize, f32)) {
+        let weights: Vec<f32> = self.samples.iter().map(|s| 1.0 / (q - Vector3::of(*s)).length()).collect();
+        let sum: f32 = weights.iter().sum();
+        weights.iter().enumerate().for_each(|(i, w)| tap(i, w / sum));
+    }
+}
+
+#[test]
+fn naive_inverse_distance_is_not_finite_at_a_sample_and_the_rigs_is() {
+    let rig = AnyRig::inline("lattice = { samples = [2, 2, 2], interpolation = \"inverse_distance\" }").unwrap();
+    let samples: Vec<DVec3> = rig.placement(FULL[0]).iter().map(|r| DVec3::from_array(r.position)).collect();
+    let all_finite = |model: &dyn Fn(Vector3<f32>, &mut Vec<f32>)| {
+        let mut weights = Vec::new();
+        samples.iter().for_each(|s| model(Vector3::of(*s), &mut weights));
+        weights.iter().all(|w| w.is_finite())
+    };
+    let naive = NaiveInverseDistance { samples: samples.clone() };
+    assert!(!all_finite(&|q, weights| naive.taps(q, &mut |_, w| weights.push(w))));
+    let model = rig.model::<f32>(FULL[0]);
+    assert!(all_finite(&|q, weights| model.taps(q, &mut |_, w| weights.push(w))));
 }
 
 #[test]
