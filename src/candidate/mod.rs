@@ -2,16 +2,17 @@
 
 mod prepared;
 
-pub use prepared::{Arithmetic, CandidateError, Counts, GpuBench, Lit, Method, Surroundings, Timed, prepare};
+pub use prepared::{Arithmetic, CandidateError, Counts, GpuBench, Lit, Probes, Recipe, Surroundings, Timed, prepare};
 
 use rayon::prelude::*;
 
 use crate::light::{self, Light};
 use crate::math::{Real, Rgb, Vector3};
-use crate::probe::{GradientSource, sample_lights};
+use crate::probe::{GradientSource, Sampled, sample_lights, sample_traced};
 use crate::rig::{AnyRig, LocalPoints, Model, Rig, RigModel, SampleRequest, ShVectors};
 use crate::scene::{OrientedBox, SurfacePoint};
 use crate::sh::{Lobe, Window};
+use crate::trace::{Counters, Effort, Transport};
 use crate::with_order;
 
 /// A rig over one receiver's box, ready to be set up for the lights of a frame.
@@ -26,6 +27,16 @@ pub struct RigStage<T> {
     /// The lights relative to the box's centre.
     pub lights: Vec<Light<T>>,
     requests: Vec<SampleRequest>,
+    /// Samples that were taken before the first frame, with what they took: a bake, where the lights are not projected every frame.
+    baked: Option<Bake<T>>,
+}
+
+/// Samples taken ahead of time.
+#[derive(Clone, Debug)]
+struct Bake<T> {
+    sampled: Sampled<T>,
+    counters: Counters,
+    seconds: f64,
 }
 
 /// A rig's parameters for the lights of a frame.
@@ -61,13 +72,31 @@ impl<T: Real> RigStage<T> {
             lobe,
             lights: lights.iter().map(|light| light.relative_to(bounds.center)).collect(),
             requests: rig.placement(bounds.half),
+            baked: None,
         }
     }
 
-    /// Projects every light at every sample, fits, convolves: what an engine does each frame.
+    /// Takes the samples by rays now; [`RigStage::fit`] then starts from them. For scenes whose static environment blocks and reflects.
+    pub fn bake(&mut self, transport: &Transport, seed: u64, effort: Effort) {
+        let start = std::time::Instant::now();
+        let (sampled, counters) = sample_traced(transport, &self.bounds, &self.requests, self.order, seed, effort);
+        self.baked = Some(Bake { sampled, counters, seconds: start.elapsed().as_secs_f64() });
+    }
+
+    /// What a bake computed and how long it took, seconds.
+    pub fn baked(&self) -> Option<(Counters, f64)> {
+        self.baked.as_ref().map(|bake| (bake.counters, bake.seconds))
+    }
+
+    /// Projects every light at every sample (or takes what was baked), fits, convolves: what an engine does each frame.
     pub fn fit(&self) -> FittedRig<T> {
-        let sampled =
-            sample_lights(&self.lights, &self.bounds, &self.requests, self.order, self.gradients, self.window);
+        self.fit_to(match &self.baked {
+            Some(bake) => bake.sampled.clone(),
+            None => sample_lights(&self.lights, &self.bounds, &self.requests, self.order, self.gradients, self.window),
+        })
+    }
+
+    fn fit_to(&self, sampled: Sampled<T>) -> FittedRig<T> {
         let fit = self.rig.fit(self.bounds.half, sampled.vectors);
         FittedRig {
             model: self.rig.model(self.bounds.half),

@@ -4,23 +4,37 @@ use std::time::Duration;
 
 use super::{FittedRig, RigStage, direct, local_points};
 use crate::cost::{Samples, seconds_of};
-use crate::gpu::{Evaluator, Gpu, GpuError, PreparedEvaluation, Sample, Timing};
+use crate::gpu::{
+    Evaluator, Gpu, GpuError, PreparedEvaluation, Sample, Timing, VolumeEvaluator, VolumeFormat, VolumeShape,
+};
 use crate::light::{self, Light};
 use crate::math::{Real, Rgb, Vector3};
 use crate::probe::GradientSource;
 use crate::rig::{AnyRig, LocalPoints, Rig};
 use crate::scene::{OrientedBox, SurfacePoint};
+use crate::sh::ShVectors;
 use crate::sh::{Lobe, Window};
+use crate::trace::{Counters, Effort, Transport};
 
 /// How a candidate lights a receiver: everything of its configuration that changes its numbers.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Method {
+pub struct Recipe {
     /// `None` is `direct`: every light at every point.
     pub rig: Option<AnyRig>,
     pub order: usize,
     pub gradients: GradientSource,
     pub window: Window,
+    pub probes: Probes,
     pub arithmetic: Arithmetic,
+}
+
+/// Where probe samples come from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Probes {
+    /// The closed form of each light, nothing blocks.
+    Analytic,
+    /// Rays through the static environment, taken ahead of time.
+    Traced { effort: Effort, seed: u64 },
 }
 
 /// Where and in what precision a candidate is evaluated.
@@ -41,12 +55,14 @@ impl Arithmetic {
 }
 
 /// What a candidate is set up for: one receiver's box under the lights of one frame.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub struct Surroundings<'a> {
     pub bounds: OrientedBox,
     pub lights: &'a [Light<f64>],
     /// a of the receiver's wrap lobe.
     pub wrap: f64,
+    /// The static environment under these lights, for probes by rays.
+    pub transport: Option<&'a Transport<'a>>,
 }
 
 /// What a candidate keeps and what it took, by counting. `None` where a thing has no meaning for it.
@@ -59,6 +75,8 @@ pub struct Counts {
     /// Condition number, where a fit solved a system.
     pub condition: Option<f64>,
     pub singular: u64,
+    /// What probe samples by rays computed.
+    pub rays: Counters,
 }
 
 impl Counts {
@@ -75,29 +93,85 @@ impl Counts {
                 (a, b) => a.or(b),
             },
             singular: self.singular + other.singular,
+            rays: self.rays + other.rays,
         }
     }
 }
 
-/// The device with the pipelines compiled so far, by shader text: scenes that share a box and a rig share a pipeline.
+/// A rig's pipeline on the GPU.
+#[derive(Clone)]
+enum Pipeline {
+    Buffer(Evaluator),
+    Texture(VolumeEvaluator),
+}
+
+impl Pipeline {
+    fn evaluate(&self, vectors: &ShVectors<f32>, points: &LocalPoints<f32>) -> Result<Vec<Rgb<f32>>, GpuError> {
+        match self {
+            Pipeline::Buffer(evaluator) => evaluator.evaluate(vectors, points),
+            Pipeline::Texture(evaluator) => evaluator.evaluate(vectors, points),
+        }
+    }
+
+    fn prepare(
+        &self,
+        vectors: &ShVectors<f32>,
+        points: &LocalPoints<f32>,
+        total: usize,
+    ) -> Result<PreparedEvaluation, GpuError> {
+        match self {
+            Pipeline::Buffer(evaluator) => evaluator.prepare(vectors, points, total),
+            Pipeline::Texture(evaluator) => evaluator.prepare(vectors, points, total),
+        }
+    }
+
+    fn parameter_bytes(&self, vectors: &ShVectors<f32>) -> u64 {
+        match self {
+            Pipeline::Buffer(_) => Evaluator::parameter_bytes(vectors),
+            Pipeline::Texture(evaluator) => evaluator.shape().bytes(),
+        }
+    }
+
+    fn once(&self) -> Duration {
+        match self {
+            Pipeline::Buffer(evaluator) => evaluator.once(),
+            Pipeline::Texture(evaluator) => evaluator.once(),
+        }
+    }
+}
+
+/// The device with the pipelines compiled so far, by shader text: boxes and rigs that are alike share a pipeline.
 #[derive(Clone)]
 pub struct GpuBench {
     pub gpu: Gpu,
-    pipelines: Arc<Mutex<HashMap<(String, usize, bool), Evaluator>>>,
+    pipelines: Arc<Mutex<HashMap<(String, usize), Pipeline>>>,
 }
+
+/// Format of a lattice's volume textures: what engines ship.
+const VOLUME_FORMAT: VolumeFormat = VolumeFormat::Rgba16Float;
 
 impl GpuBench {
     pub fn new(gpu: Gpu) -> Self {
         Self { gpu, pipelines: Arc::default() }
     }
 
-    fn evaluator(&self, rig: &AnyRig, half: [f64; 3], order: usize, texture: bool) -> Result<Evaluator, GpuError> {
-        let text = rig.wgsl(half);
-        let key = (text, order, texture);
+    fn pipeline(&self, rig: &AnyRig, half: [f64; 3], order: usize, texture: bool) -> Result<Pipeline, CandidateError> {
+        let shape = match rig {
+            _ if !texture => None,
+            AnyRig::Lattice(lattice) => {
+                Some(VolumeShape { counts: lattice.counts(half), half, order, format: VOLUME_FORMAT })
+            }
+            other => return Err(CandidateError::NoTexture(other.key())),
+        };
+        let text = shape.map_or_else(|| rig.wgsl(half), |shape| shape.wgsl());
+        let key = (text, order);
         if let Some(known) = self.pipelines.lock().expect("no holder panics").get(&key) {
             return Ok(known.clone());
         }
-        let made = Evaluator::new(&self.gpu, &key.0, order)?;
+        let made = match shape {
+            Some(shape) => Pipeline::Texture(VolumeEvaluator::new(&self.gpu, shape)?),
+            None => Pipeline::Buffer(Evaluator::new(&self.gpu, &key.0, order)?),
+        };
         self.pipelines.lock().expect("no holder panics").insert(key, made.clone());
         Ok(made)
     }
@@ -110,6 +184,8 @@ pub enum CandidateError {
     Gpu(#[from] GpuError),
     #[error("the candidate wants a GPU and none was opened")]
     NoGpu,
+    #[error("the rig `{0}` has no volume texture; a lattice has")]
+    NoTexture(&'static str),
     /// What went wrong before, where it was not this call that failed.
     #[error("{0}")]
     Earlier(String),
@@ -138,18 +214,18 @@ pub trait Timed {
     fn once(&self) -> Option<f64>;
 }
 
-/// Sets a method up.
-pub fn prepare(method: &Method, around: &Surroundings, gpu: Option<&GpuBench>) -> Result<Box<dyn Lit>, CandidateError> {
-    Ok(match (&method.rig, method.arithmetic) {
+/// Sets a recipe up.
+pub fn prepare(recipe: &Recipe, around: &Surroundings, gpu: Option<&GpuBench>) -> Result<Box<dyn Lit>, CandidateError> {
+    Ok(match (&recipe.rig, recipe.arithmetic) {
         (None, Arithmetic::CpuF64) => Box::new(Direct::<f64>::new(around)),
         (None, Arithmetic::CpuF32) => Box::new(Direct::<f32>::new(around)),
-        (Some(rig), Arithmetic::CpuF64) => Box::new(CpuRig::<f64>::new(rig, method, around)),
-        (Some(rig), Arithmetic::CpuF32) => Box::new(CpuRig::<f32>::new(rig, method, around)),
+        (Some(rig), Arithmetic::CpuF64) => Box::new(CpuRig::<f64>::new(rig, recipe, around)),
+        (Some(rig), Arithmetic::CpuF32) => Box::new(CpuRig::<f32>::new(rig, recipe, around)),
         (rig, Arithmetic::GpuBuffer | Arithmetic::GpuTexture) => {
             let bench = gpu.ok_or(CandidateError::NoGpu)?;
-            let texture = method.arithmetic == Arithmetic::GpuTexture;
+            let texture = recipe.arithmetic == Arithmetic::GpuTexture;
             match rig {
-                Some(rig) => Box::new(GpuRig::new(rig, method, around, bench, texture)?),
+                Some(rig) => Box::new(GpuRig::new(rig, recipe, around, bench, texture)?),
                 None => return Err(CandidateError::Earlier("`direct` has no pass on the GPU".to_owned())),
             }
         }
@@ -251,19 +327,24 @@ struct CpuRig<T: Real> {
 }
 
 impl<T: Real> CpuRig<T> {
-    fn new(rig: &AnyRig, method: &Method, around: &Surroundings) -> Self {
-        let stage = stage(rig, method, around);
+    fn new(rig: &AnyRig, recipe: &Recipe, around: &Surroundings) -> Self {
+        let stage = stage(rig, recipe, around);
         Self { fitted: stage.fit(), stage }
     }
 }
 
-fn stage<T: Real>(rig: &AnyRig, method: &Method, around: &Surroundings) -> RigStage<T> {
+fn stage<T: Real>(rig: &AnyRig, recipe: &Recipe, around: &Surroundings) -> RigStage<T> {
     let lobe = Lobe::new(around.wrap);
-    RigStage::new(rig, around.bounds, method.order, around.lights, lobe, method.gradients, method.window)
+    let mut stage =
+        RigStage::new(rig, around.bounds, recipe.order, around.lights, lobe, recipe.gradients, recipe.window);
+    if let (Probes::Traced { effort, seed }, Some(transport)) = (recipe.probes, around.transport) {
+        stage.bake(transport, seed, effort);
+    }
+    stage
 }
 
 /// Counts of a fitted rig whose model takes `bytes`.
-fn rig_counts<T: Real>(fitted: &FittedRig<T>, bytes: u64) -> Counts {
+fn rig_counts<T: Real>(stage: &RigStage<T>, fitted: &FittedRig<T>, bytes: u64) -> Counts {
     Counts {
         sh_vectors: Some(fitted.irradiance.count() as u64),
         projections: Some(fitted.projections),
@@ -271,6 +352,7 @@ fn rig_counts<T: Real>(fitted: &FittedRig<T>, bytes: u64) -> Counts {
         model_bytes: Some(bytes),
         condition: fitted.condition,
         singular: fitted.singular,
+        rays: stage.baked().map_or(Counters::default(), |(counters, _)| counters),
     }
 }
 
@@ -283,7 +365,7 @@ impl<T: Real> Lit for CpuRig<T> {
     }
 
     fn counts(&self) -> Counts {
-        rig_counts(&self.fitted, std::mem::size_of_val(&self.fitted.irradiance.data[..]) as u64)
+        rig_counts(&self.stage, &self.fitted, std::mem::size_of_val(&self.fitted.irradiance.data[..]) as u64)
     }
 
     fn timed<'a>(&'a self, points: &[SurfacePoint], total: usize) -> Result<Box<dyn Timed + 'a>, CandidateError> {
@@ -326,7 +408,7 @@ impl<T: Real> Timed for TimedRig<'_, T> {
     cpu_times!();
 
     fn once(&self) -> Option<f64> {
-        None
+        self.stage.baked().map(|(_, seconds)| seconds)
     }
 }
 
@@ -334,38 +416,38 @@ impl<T: Real> Timed for TimedRig<'_, T> {
 struct GpuRig {
     stage: RigStage<f32>,
     fitted: FittedRig<f32>,
-    evaluator: Evaluator,
+    pipeline: Pipeline,
 }
 
 impl GpuRig {
     fn new(
         rig: &AnyRig,
-        method: &Method,
+        recipe: &Recipe,
         around: &Surroundings,
         bench: &GpuBench,
         texture: bool,
     ) -> Result<Self, CandidateError> {
-        let evaluator = bench.evaluator(rig, around.bounds.half, method.order, texture)?;
-        let stage = stage::<f32>(rig, method, around);
-        Ok(Self { fitted: stage.fit(), stage, evaluator })
+        let pipeline = bench.pipeline(rig, around.bounds.half, recipe.order, texture)?;
+        let stage = stage::<f32>(rig, recipe, around);
+        Ok(Self { fitted: stage.fit(), stage, pipeline })
     }
 }
 
 impl Lit for GpuRig {
     fn irradiance(&self, points: &[SurfacePoint]) -> Result<Vec<Rgb<f64>>, CandidateError> {
         let local = local_points(&self.stage.bounds, points);
-        let values = self.evaluator.evaluate(&self.fitted.irradiance, &local)?;
+        let values = self.pipeline.evaluate(&self.fitted.irradiance, &local)?;
         Ok(values.iter().map(|e| e.to_double()).collect())
     }
 
     fn counts(&self) -> Counts {
-        rig_counts(&self.fitted, Evaluator::parameter_bytes(&self.fitted.irradiance))
+        rig_counts(&self.stage, &self.fitted, self.pipeline.parameter_bytes(&self.fitted.irradiance))
     }
 
     fn timed<'a>(&'a self, points: &[SurfacePoint], total: usize) -> Result<Box<dyn Timed + 'a>, CandidateError> {
         let local = local_points(&self.stage.bounds, points);
-        let prepared = self.evaluator.prepare(&self.fitted.irradiance, &local, total)?;
-        Ok(Box::new(TimedGpu { fit: Some(&self.stage), prepared, samples: Vec::new(), once: self.evaluator.once() }))
+        let prepared = self.pipeline.prepare(&self.fitted.irradiance, &local, total)?;
+        Ok(Box::new(TimedGpu { fit: Some(&self.stage), prepared, samples: Vec::new(), once: self.pipeline.once() }))
     }
 }
 

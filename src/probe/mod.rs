@@ -2,9 +2,11 @@
 
 mod analytic;
 mod gradient_source;
+mod traced;
 
 pub use analytic::sample_lights;
 pub use gradient_source::GradientSource;
+pub use traced::sample_traced;
 
 use crate::sh::ShVectors;
 

@@ -3,9 +3,10 @@
 use rayon::prelude::*;
 
 use crate::light::{self, Light};
-use crate::math::{Real, Rgb, Vector3};
+use crate::math::{Real, Rgb, StreamPurpose, Vector3};
 use crate::scene::SurfacePoint;
 use crate::sh::{Lobe, convolve, spread};
+use crate::trace::{Counters, Effort, Seed, Transport};
 use crate::with_order;
 
 /// Irradiance at points, with the standard error of each value where it is an estimate.
@@ -17,6 +18,8 @@ pub struct Reference {
     pub standard_error: Vec<Rgb<f64>>,
     /// Terms dropped because a point is singular for a light.
     pub singular: u64,
+    /// What was simulated for it.
+    pub counters: Counters,
 }
 
 /// Exact irradiance of lights that nothing blocks: the sum of each light's closed form, with the receiver's horizon.
@@ -38,6 +41,29 @@ pub fn exact<T: Real>(
         irradiance: terms.iter().map(|t| t.value.to_double()).collect(),
         standard_error: Vec::new(),
         singular: terms.iter().map(|t| u64::from(t.singular)).sum(),
+        counters: wrap_counters(points.len() * lights.len(), lobe),
+    }
+}
+
+/// What exact lighting computes: no ray, no bounce; each light under the wrap lobe, where there is one.
+fn wrap_counters<T: Real>(terms: usize, lobe: &Lobe<T>) -> Counters {
+    Counters { wrap_evaluations: if lobe.is_lambert() { 0 } else { terms as u64 }, ..Counters::default() }
+}
+
+/// Irradiance with shadows and bounces: estimates that carry their standard error.
+pub fn traced(
+    transport: &Transport,
+    points: &[SurfacePoint],
+    lobe: &Lobe<f64>,
+    seed: u64,
+    effort: Effort,
+) -> Reference {
+    let estimates = transport.irradiance(points, lobe, Seed { seed, purpose: StreamPurpose::Reference }, effort);
+    Reference {
+        irradiance: estimates.iter().map(|e| e.value).collect(),
+        standard_error: estimates.iter().map(|e| e.standard_error).collect(),
+        singular: estimates.iter().map(|e| u64::from(e.singular)).sum(),
+        counters: estimates.iter().map(|e| e.counters).sum(),
     }
 }
 
@@ -72,4 +98,24 @@ pub fn truncated(
         })
         .collect();
     (0..orders.len()).map(|k| rows.iter().map(|row| row[k]).collect()).collect()
+}
+
+/// As [`truncated`], with shadows and bounces: SH of one order at every point, by rays of the reference's own.
+pub fn truncated_traced(
+    transport: &Transport,
+    points: &[SurfacePoint],
+    lobe: &Lobe<f64>,
+    order: usize,
+    seed: u64,
+    effort: Effort,
+) -> Vec<Rgb<f64>> {
+    let places: Vec<glam::DVec3> = points.iter().map(|p| p.position).collect();
+    let estimates =
+        transport.projection(&places, order, false, Seed { seed, purpose: StreamPurpose::Reference }, effort);
+    let factors = spread::<f64, 36>(lobe.bands());
+    let of = |point: &SurfacePoint, sh: &[Rgb<f64>]| {
+        let basis = crate::sh::basis::<f64, 36>(Vector3::of(point.normal));
+        sh.iter().enumerate().fold(Rgb::zero(), |sum, (i, c)| sum + *c * (factors[i] * basis[i]))
+    };
+    points.iter().zip(&estimates).map(|(point, estimate)| of(point, &estimate.value.value)).collect()
 }

@@ -1,0 +1,580 @@
+//! `rigbench query`: the reference, or a rig, at points of the user's own. The same code as the renders use.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+
+use super::{Exit, Failure, print};
+use crate::candidate::{
+    Arithmetic, FittedRig, GpuBench, Probes, Recipe, RigStage, Surroundings, local_points, prepare,
+};
+use crate::gpu::{AdapterKind, Gpu};
+use crate::input::{InputError, Source};
+use crate::light::{self, Light};
+use crate::math::{Real, Rgb, Stream, StreamPurpose, Vector3};
+use crate::probe::GradientSource;
+use crate::reference;
+use crate::rig::AnyRig;
+use crate::scene::{Layout, OrientedBox, Receiver, Scene, SurfacePoint, resolve_layout, resolve_scene};
+use crate::sh::{Lobe, MAX_ORDER, Window, coefficients};
+use crate::trace::{Effects, EffectsChoice, Effort, Projected, SceneFacts, Seed, TracedGeometry, Tracer, Transport};
+use crate::with_order;
+
+/// Evaluate the reference, or a rig, at points of your own; CSV to stdout
+#[derive(Args, Debug)]
+pub struct Query {
+    /// Scene: a file's path, or a name under scenes/
+    pub scene: String,
+    /// CSV of points with the header x,y,z,nx,ny,nz (nx,ny,nz only where irradiance is asked for)
+    #[arg(long, value_name = "CSV")]
+    pub points: PathBuf,
+    /// Light layout: a file's path, or a name under scenes/lights/ (NAME#07 for one of a random family)
+    #[arg(long, value_name = "LAYOUT")]
+    pub lights: Option<String>,
+    /// Inline TOML rig, e.g. 'gradient = {}', or `direct`; absent: the reference
+    #[arg(long, value_name = "TOML")]
+    pub rig: Option<String>,
+    /// Whose box the rig spans; needed where the scene has several receivers
+    #[arg(long, value_name = "NAME")]
+    pub receiver: Option<String>,
+    /// What to evaluate
+    #[arg(long, value_enum, default_value_t = Quantity::Irradiance)]
+    pub quantity: Quantity,
+    /// SH order, 1 to 6
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=MAX_ORDER as i64))]
+    pub order: u8,
+    /// a of the wrap lobe, 0 to 1; 0 is Lambert
+    #[arg(long, default_value_t = 0.0, value_parser = parse_wrap)]
+    pub wrap: f64,
+    /// none, auto, or a comma list of shadows, bounces=N, bounces=inf
+    #[arg(long, default_value = "none")]
+    pub effects: String,
+    /// Arithmetic
+    #[arg(long, value_enum, default_value_t = Precision::F64)]
+    pub precision: Precision,
+    /// Where it is evaluated; the GPU computes in f32
+    #[arg(long, value_enum, default_value_t = Backend::Cpu)]
+    pub backend: Backend,
+    /// Rays or paths a point, where sampling is needed
+    #[arg(long)]
+    pub spp: Option<u64>,
+    /// Frame of an animated scene, from 0
+    #[arg(long, default_value_t = 0)]
+    pub frame: usize,
+    /// Seed of the random streams
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+}
+
+/// What a query evaluates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Quantity {
+    /// E at points with normals
+    Irradiance,
+    /// SH radiance coefficients
+    Sh,
+    /// Their derivatives along x, y and z
+    ShGradient,
+}
+
+/// Arithmetic of a query.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Precision {
+    F32,
+    F64,
+}
+
+/// Where a query is evaluated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Backend {
+    Cpu,
+    Gpu,
+}
+
+fn parse_wrap(word: &str) -> Result<f64, String> {
+    match word.parse::<f64>() {
+        Ok(a) if (0.0..=1.0).contains(&a) => Ok(a),
+        _ => Err(format!("a wrap is a number from 0 to 1, got `{word}`")),
+    }
+}
+
+/// Points as the user gave them, and with unit normals.
+struct QueryPoints {
+    given: Vec<[f64; 6]>,
+    points: Vec<SurfacePoint>,
+}
+
+/// Values of a query in the order of its points.
+enum Values {
+    /// E and, where it is an estimate, its standard error.
+    Irradiance { value: Vec<Rgb<f64>>, error: Vec<Rgb<f64>> },
+    /// Coefficients a point (and axis), `rows[point][axis][coefficient]`, with standard errors of the same shape or none.
+    Sh { value: Vec<Vec<Vec<Rgb<f64>>>>, error: Vec<Vec<Vec<Rgb<f64>>>> },
+}
+
+impl Query {
+    pub fn run(self) -> Result<Exit, Failure> {
+        let mut csv = Vec::new();
+        answer(&self, &mut csv)?;
+        print(csv)?;
+        Ok(Exit::Ok)
+    }
+}
+
+/// Runs the query and writes its CSV.
+fn answer(args: &Query, out: &mut dyn Write) -> Result<(), Failure> {
+    let folder = Path::new("");
+    let scene = Scene::load(&resolve_scene(&args.scene, folder)?)?;
+    let lights = match &args.lights {
+        Some(word) => load_lights(word, &scene, args)?,
+        None => Vec::new(),
+    };
+    if args.frame >= scene.frames {
+        return Err(Failure::usage(format!("frame {} of a scene with {} frames (from 0)", args.frame, scene.frames)));
+    }
+    let with_normals = args.quantity == Quantity::Irradiance;
+    let points = read_points(&args.points, with_normals)?;
+    let bounds = receiver_box(&scene, args)?;
+    let choice = EffectsChoice::parse(&args.effects).map_err(Failure::usage)?;
+    let effects = choice.resolve(&SceneFacts::of(&scene, lights.len())).0;
+    let statics = if effects == Effects::NONE { &[][..] } else { &scene.statics[..] };
+    let tracer = Tracer::new(&TracedGeometry::of_statics(statics));
+    let lighting = Lighting {
+        lights: &lights,
+        tracer: &tracer,
+        effects,
+        effort: args.spp.map_or(Effort::ACCURATE, |spp| Effort::Samples(spp.max(1))),
+        seed: args.seed,
+    };
+    let values = match (args.backend, args.precision) {
+        (Backend::Gpu, _) => gpu_values(args, &lighting, &points.points, bounds)?,
+        (Backend::Cpu, Precision::F64) => evaluate::<f64>(args, &lighting, &points.points, bounds)?,
+        (Backend::Cpu, Precision::F32) => evaluate::<f32>(args, &lighting, &points.points, bounds)?,
+    };
+    write_csv(args.quantity, &points, &values, out).map_err(Failure::internal)
+}
+
+/// The lights of a layout; of a random family the one that `NAME#index` names.
+fn load_lights(word: &str, scene: &Scene, args: &Query) -> Result<Vec<Light<f64>>, Failure> {
+    let (name, index) = match word.rsplit_once('#') {
+        Some((name, index)) => match index.parse::<usize>() {
+            Ok(index) => (name, Some(index)),
+            Err(_) => return Err(Failure::usage(format!("`{word}`: what follows # is the number of a layout"))),
+        },
+        None => (word, None),
+    };
+    let layout = Layout::load(&resolve_layout(name, Path::new(""))?)?;
+    if layout.random.is_none() {
+        return match index {
+            None => Ok(layout.lights_at(args.frame, scene.frames)),
+            Some(_) => Err(Failure::usage(format!("`{name}` is no random family; leave the # out"))),
+        };
+    }
+    let boxes: Vec<OrientedBox> = scene.receivers.iter().map(|r| r.oriented_box(args.frame)).collect();
+    let instances = layout.instances(&boxes);
+    let Some(index) = index else {
+        return Err(Failure::usage(format!(
+            "`{name}` is a family of {} random layouts; name one as `{name}#0`",
+            instances.len()
+        )));
+    };
+    let count = instances.len();
+    match instances.into_iter().find(|instance| instance.index == Some(index)) {
+        Some(instance) => Ok(instance.lights_at(args.frame, scene.frames)),
+        None => Err(Failure::usage(format!("`{name}` has layouts 0 to {}, not {index}", count.saturating_sub(1)))),
+    }
+}
+
+/// The box that a rig spans: that of the named receiver, else of the only one. `None` where the scene has none or several and
+/// no rig needs one.
+fn receiver_box(scene: &Scene, args: &Query) -> Result<Option<OrientedBox>, Failure> {
+    let names: Vec<&str> = scene.receivers.iter().map(|r| r.name.as_str()).collect();
+    let chosen: Option<&Receiver> = match (&args.receiver, &scene.receivers[..]) {
+        (Some(name), receivers) => match receivers.iter().find(|r| r.name == *name) {
+            Some(receiver) => Some(receiver),
+            None => {
+                let mut message = crate::input::unknown_word_message("receiver", name, &names);
+                if let Some(near) = crate::input::nearest_word(name, names.iter().copied()) {
+                    message += &format!("; did you mean `{near}`?");
+                }
+                return Err(Failure::usage(message));
+            }
+        },
+        (None, [only]) => Some(only),
+        (None, _) => None,
+    };
+    if args.rig.is_some() && chosen.is_none() {
+        return Err(Failure::usage(match names.is_empty() {
+            true => "a rig spans a receiver's box, and the scene has no receiver".to_owned(),
+            false => format!("the scene has several receivers; choose one with --receiver: {}", names.join(", ")),
+        }));
+    }
+    Ok(chosen.map(|receiver| receiver.oriented_box(args.frame)))
+}
+
+/// Central-difference step of a rig's own gradient, as a share of the box's half diagonal: second-order error about 1e-10
+/// of the third derivative, rounding about 1e-11 in f64.
+const RIG_GRADIENT_STEP: f64 = 1e-5;
+
+/// A rig on traced samples is fitted so many times from independent streams; the spread of its values is their standard error.
+const REPLICATES: u64 = 16;
+
+/// The lights and the static environment that a query sees.
+struct Lighting<'a> {
+    lights: &'a [Light<f64>],
+    tracer: &'a Tracer,
+    effects: Effects,
+    effort: Effort,
+    seed: u64,
+}
+
+impl Lighting<'_> {
+    /// Whether anything has to be sampled: an effect is on and there is geometry for it.
+    fn is_sampled(&self) -> bool {
+        self.effects != Effects::NONE && self.tracer.triangle_count() > 0
+    }
+}
+
+fn evaluate<T: Real>(
+    args: &Query,
+    lighting: &Lighting,
+    points: &[SurfacePoint],
+    bounds: Option<OrientedBox>,
+) -> Result<Values, Failure> {
+    let rig = match args.rig.as_deref().map(str::trim) {
+        None | Some("direct") => None,
+        Some(text) => Some(AnyRig::inline(text)?),
+    };
+    match (rig, lighting.is_sampled()) {
+        (None, false) => Ok(exact_values::<T>(args, lighting.lights, points, bounds)),
+        (None, true) => Ok(traced_values(args, lighting, points)),
+        (Some(rig), _) => {
+            let bounds = bounds.expect("a rig was refused without a box");
+            rig_values::<T>(args, lighting, &rig, bounds, points)
+        }
+    }
+}
+
+/// The reference of lights that nothing blocks.
+fn exact_values<T: Real>(
+    args: &Query,
+    lights: &[Light<f64>],
+    points: &[SurfacePoint],
+    bounds: Option<OrientedBox>,
+) -> Values {
+    let origin = bounds.map_or_else(|| mean_position(points), |b| b.center);
+    if args.quantity == Quantity::Irradiance {
+        let values = reference::exact(lights, points, &Lobe::<T>::new(args.wrap), origin);
+        return Values::Irradiance { value: values.irradiance, error: Vec::new() };
+    }
+    let local: Vec<Light<T>> = lights.iter().map(|light| light.relative_to(origin)).collect();
+    let at = |point: &SurfacePoint| {
+        let p = Vector3::of(point.position - origin);
+        with_order!(usize::from(args.order), C => match args.quantity {
+            Quantity::ShGradient => {
+                light::projection_with_gradient::<T, C>(&local, p).value.gradient.map(|g| doubles(&g)).to_vec()
+            }
+            _ => vec![doubles(&light::projection::<T, C>(&local, p).value)],
+        })
+    };
+    Values::Sh { value: points.iter().map(at).collect(), error: Vec::new() }
+}
+
+/// The reference with shadows and bounces.
+fn traced_values(args: &Query, lighting: &Lighting, points: &[SurfacePoint]) -> Values {
+    let transport = Transport::new(lighting.tracer, lighting.lights, lighting.effects);
+    if args.quantity == Quantity::Irradiance {
+        let lobe = Lobe::new(args.wrap);
+        let values = reference::traced(&transport, points, &lobe, lighting.seed, lighting.effort);
+        return Values::Irradiance { value: values.irradiance, error: values.standard_error };
+    }
+    let gradient = args.quantity == Quantity::ShGradient;
+    let places: Vec<glam::DVec3> = points.iter().map(|p| p.position).collect();
+    let seed = Seed { seed: lighting.seed, purpose: StreamPurpose::Reference };
+    let estimates = transport.projection(&places, usize::from(args.order), gradient, seed, lighting.effort);
+    let rows = |projected: Projected| match projected.gradient {
+        Some(gradient) => gradient.to_vec(),
+        None => vec![projected.value],
+    };
+    let (value, error) = estimates.into_iter().map(|e| (rows(e.value), rows(e.standard_error))).unzip();
+    Values::Sh { value, error }
+}
+
+/// What a rig makes of the lights, or of traced samples of them.
+fn rig_values<T: Real>(
+    args: &Query,
+    lighting: &Lighting,
+    rig: &AnyRig,
+    bounds: OrientedBox,
+    points: &[SurfacePoint],
+) -> Result<Values, Failure> {
+    let lobe = Lobe::<T>::new(args.wrap);
+    let order = usize::from(args.order);
+    let stage =
+        RigStage::<T>::new(rig, bounds, order, lighting.lights, lobe, GradientSource::Analytic, Window::None);
+    let values_of = |fitted: &FittedRig<T>| -> Values {
+        match args.quantity {
+            Quantity::Irradiance => {
+                let mut out = vec![Rgb::zero(); points.len()];
+                fitted.irradiance(&local_points(&bounds, points), &mut out);
+                Values::Irradiance { value: doubles(&out), error: Vec::new() }
+            }
+            Quantity::Sh => {
+                let at = |point: &SurfacePoint| vec![doubles(&fitted.sh_at(Vector3::of(bounds.local(point.position))))];
+                Values::Sh { value: points.iter().map(at).collect(), error: Vec::new() }
+            }
+            Quantity::ShGradient => {
+                let at = |point: &SurfacePoint| rig_gradient(fitted, &bounds, point, order);
+                Values::Sh { value: points.iter().map(at).collect(), error: Vec::new() }
+            }
+        }
+    };
+    if !lighting.is_sampled() {
+        return Ok(values_of(&stage.fit()));
+    }
+    let transport = Transport::new(lighting.tracer, lighting.lights, lighting.effects);
+    let effort = match lighting.effort {
+        Effort::Samples(count) => Effort::Samples(count.div_ceil(REPLICATES)),
+        Effort::Error { relative, most_samples, deadline } => Effort::Error {
+            relative: relative * (REPLICATES as f64).sqrt(),
+            most_samples: most_samples.div_ceil(REPLICATES),
+            deadline,
+        },
+    };
+    let replicates: Vec<Values> = (0..REPLICATES)
+        .map(|k| {
+            let seed = Stream::indexed(lighting.seed, StreamPurpose::Probe, k).next_u64();
+            let mut stage = stage.clone();
+            stage.bake(&transport, seed, effort);
+            values_of(&stage.fit())
+        })
+        .collect();
+    Ok(Values::mean_of(replicates))
+}
+
+impl Values {
+    /// Mean of independent estimates, and its standard error from their spread.
+    fn mean_of(replicates: Vec<Values>) -> Values {
+        let count = replicates.len() as f64;
+        let statistics = |samples: &[Rgb<f64>]| {
+            let mean = samples.iter().fold(Rgb::zero(), |sum, v| sum + *v) * (1.0 / count);
+            let spread = samples.iter().fold(Rgb::zero(), |sum, v| sum + (*v - mean) * (*v - mean));
+            let error = (spread * (1.0 / (count * (count - 1.0)))).to_array().map(f64::sqrt);
+            (mean, Rgb::from_array(error))
+        };
+        match &replicates[0] {
+            Values::Irradiance { value, .. } => {
+                let sample = |i: usize| -> Vec<Rgb<f64>> { replicates.iter().map(|v| v.irradiance()[i]).collect() };
+                let (value, error) = (0..value.len()).map(|i| statistics(&sample(i))).unzip();
+                Values::Irradiance { value, error }
+            }
+            Values::Sh { value, .. } => {
+                let pairs = value.iter().enumerate().map(|(p, axes)| {
+                    let of_axis = |a: usize, i: usize| {
+                        let samples: Vec<Rgb<f64>> = replicates.iter().map(|v| v.sh()[p][a][i]).collect();
+                        statistics(&samples)
+                    };
+                    axes.iter()
+                        .enumerate()
+                        .map(|(a, row)| (0..row.len()).map(|i| of_axis(a, i)).unzip())
+                        .unzip::<Vec<_>, Vec<_>, Vec<_>, Vec<_>>()
+                });
+                let (value, error) = pairs.unzip();
+                Values::Sh { value, error }
+            }
+        }
+    }
+
+    fn irradiance(&self) -> &[Rgb<f64>] {
+        match self {
+            Values::Irradiance { value, .. } => value,
+            Values::Sh { .. } => &[],
+        }
+    }
+
+    fn sh(&self) -> &[Vec<Vec<Rgb<f64>>>] {
+        match self {
+            Values::Sh { value, .. } => value,
+            Values::Irradiance { .. } => &[],
+        }
+    }
+}
+
+/// Irradiance on the GPU: a rig from its buffer, or every light at every point.
+fn gpu_values(
+    args: &Query,
+    lighting: &Lighting,
+    points: &[SurfacePoint],
+    bounds: Option<OrientedBox>,
+) -> Result<Values, Failure> {
+    if args.quantity != Quantity::Irradiance {
+        return Err(Failure::usage("the GPU evaluates irradiance; ask for --quantity irradiance, or for --backend cpu"));
+    }
+    if lighting.is_sampled() {
+        return Err(Failure::usage("shadows and bounces are traced on the CPU; ask for --effects none, or for --backend cpu"));
+    }
+    let gpu = Gpu::open(AdapterKind::Any).map_err(|error| Failure::new(Exit::NoGpu, error.to_string()))?;
+    let rig = match args.rig.as_deref().map(str::trim) {
+        None | Some("direct") => None,
+        Some(text) => Some(AnyRig::inline(text)?),
+    };
+    let origin = mean_position(points);
+    let recipe = Recipe {
+        rig,
+        order: usize::from(args.order),
+        gradients: GradientSource::Analytic,
+        window: Window::None,
+        probes: Probes::Analytic,
+        arithmetic: Arithmetic::GpuBuffer,
+    };
+    let around = Surroundings {
+        bounds: bounds.unwrap_or(OrientedBox::aligned(origin, origin)),
+        lights: lighting.lights,
+        wrap: args.wrap,
+        transport: None,
+    };
+    let lit = prepare(&recipe, &around, Some(&GpuBench::new(gpu))).map_err(Failure::internal)?;
+    Ok(Values::Irradiance { value: lit.irradiance(points).map_err(Failure::internal)?, error: Vec::new() })
+}
+
+/// The gradient of what a rig reconstructs, along the world's axes, by central differences in box coordinates.
+fn rig_gradient<T: Real>(
+    fitted: &FittedRig<T>,
+    bounds: &OrientedBox,
+    point: &SurfacePoint,
+    order: usize,
+) -> Vec<Vec<Rgb<f64>>> {
+    let scale = bounds.half_diagonal();
+    let precision_step = if T::NAME == "f64" { RIG_GRADIENT_STEP } else { 1e-2 };
+    let step = precision_step * if scale > 0.0 { scale } else { 1.0 };
+    (0..3)
+        .map(|axis| {
+            let mut offset = glam::DVec3::ZERO;
+            offset[axis] = step;
+            let above = fitted.sh_at(Vector3::of(bounds.local(point.position + offset)));
+            let below = fitted.sh_at(Vector3::of(bounds.local(point.position - offset)));
+            (0..coefficients(order)).map(|i| (above[i].to_double() - below[i].to_double()) * (0.5 / step)).collect()
+        })
+        .collect()
+}
+
+fn doubles<T: Real>(values: &[Rgb<T>]) -> Vec<Rgb<f64>> {
+    values.iter().map(|v| v.to_double()).collect()
+}
+
+fn mean_position(points: &[SurfacePoint]) -> glam::DVec3 {
+    let count = points.len().max(1) as f64;
+    points.iter().map(|p| p.position / count).sum()
+}
+
+/// Reads points; every mistake is an error with its line and column.
+fn read_points(path: &Path, with_normals: bool) -> Result<QueryPoints, InputError> {
+    let source = Source::read(path)?;
+    let at = |line: u64, column: usize, message: String| InputError {
+        path: path.to_owned(),
+        place: Some((line as usize, column)),
+        message,
+        help: None,
+    };
+    let mut reader =
+        csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(source.text.as_bytes());
+    let header = reader.headers().map_err(|e| at(1, 1, format!("no CSV header: {e}")))?.clone();
+    let names: Vec<&str> = header.iter().collect();
+    let has_normals = names == ["x", "y", "z", "nx", "ny", "nz"];
+    if !(has_normals || (names == ["x", "y", "z"] && !with_normals)) {
+        let wanted = if with_normals { "x,y,z,nx,ny,nz" } else { "x,y,z or x,y,z,nx,ny,nz" };
+        return Err(at(1, 1, format!("the header is `{}`; it must be {wanted}", names.join(","))));
+    }
+    let mut read = QueryPoints { given: Vec::new(), points: Vec::new() };
+    for record in reader.records() {
+        let record = record.map_err(|e| {
+            let line = e.position().map_or(1, |p| p.line());
+            at(line, 1, format!("no CSV row: {e}"))
+        })?;
+        let line = record.position().map_or(1, csv::Position::line);
+        if record.len() != names.len() {
+            return Err(at(line, 1, format!("{} fields; the header has {}", record.len(), names.len())));
+        }
+        let mut row = [0.0; 6];
+        for (column, field) in record.iter().enumerate() {
+            row[column] = match field.parse::<f64>() {
+                Ok(value) if value.is_finite() => value,
+                Ok(value) => {
+                    return Err(at(line, column + 1, format!("field `{}` is {value}; it must be finite", names[column])));
+                }
+                Err(_) => {
+                    return Err(at(line, column + 1, format!("field `{}` is `{field}`, no number", names[column])));
+                }
+            };
+        }
+        let normal = if has_normals {
+            let normal = glam::DVec3::new(row[3], row[4], row[5]);
+            match Vector3::<f64>::of(normal).normalized() {
+                Some(unit) => unit.to_double(),
+                None if with_normals => return Err(at(line, 4, "a normal of zero length".to_owned())),
+                None => glam::DVec3::Z,
+            }
+        } else {
+            glam::DVec3::Z
+        };
+        read.points.push(SurfacePoint { position: glam::DVec3::new(row[0], row[1], row[2]), normal });
+        read.given.push(row);
+    }
+    Ok(read)
+}
+
+/// A number that reads back to the same value.
+fn number(value: f64) -> String {
+    format!("{value:?}")
+}
+
+fn write_csv(quantity: Quantity, points: &QueryPoints, values: &Values, out: &mut dyn Write) -> csv::Result<()> {
+    let mut writer = csv::Writer::from_writer(out);
+    let estimated = match values {
+        Values::Irradiance { error, .. } => !error.is_empty(),
+        Values::Sh { error, .. } => !error.is_empty(),
+    };
+    let mut header: Vec<&str> = match quantity {
+        Quantity::Irradiance => vec!["x", "y", "z", "nx", "ny", "nz", "r", "g", "b"],
+        Quantity::Sh => vec!["x", "y", "z", "i", "r", "g", "b"],
+        Quantity::ShGradient => vec!["x", "y", "z", "i", "axis", "r", "g", "b"],
+    };
+    if estimated {
+        header.extend(["r_se", "g_se", "b_se"]);
+    }
+    writer.write_record(&header)?;
+    let mut row: Vec<String> = Vec::with_capacity(header.len());
+    for (index, given) in points.given.iter().enumerate() {
+        match values {
+            Values::Irradiance { value, error } => {
+                row.clear();
+                row.extend(given.iter().map(|v| number(*v)));
+                row.extend(value[index].to_array().map(number));
+                if estimated {
+                    row.extend(error[index].to_array().map(number));
+                }
+                writer.write_record(&row)?;
+            }
+            Values::Sh { value, error } => {
+                for (axis, coefficients) in value[index].iter().enumerate() {
+                    for (i, coefficient) in coefficients.iter().enumerate() {
+                        row.clear();
+                        row.extend(given[..3].iter().map(|v| number(*v)));
+                        row.push(i.to_string());
+                        if quantity == Quantity::ShGradient {
+                            row.push(["x", "y", "z"][axis].to_owned());
+                        }
+                        row.extend(coefficient.to_array().map(number));
+                        if estimated {
+                            row.extend(error[index][axis][i].to_array().map(number));
+                        }
+                        writer.write_record(&row)?;
+                    }
+                }
+            }
+        }
+    }
+    writer.flush()?;
+    Ok(())
+}
