@@ -5,6 +5,7 @@
 mod completions;
 mod exit;
 mod man;
+mod query;
 
 pub use exit::{Exit, Failure};
 
@@ -42,6 +43,7 @@ macro_rules! verbs {
 verbs! {
     Completions => completions,
     Man => man,
+    Query => query,
 }
 
 /// The whole command line, for completions, the manual and tests.

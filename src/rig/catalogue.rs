@@ -34,6 +34,11 @@ const TABLES: &[&str] = &[
     "mixed = { x = \"gradient\", y = { hermite = 3 }, z = { lattice = 2 } }",
     "mixed = { longest = { hermite = 2 }, middle = \"gradient\", shortest = \"constant\" }",
     "mixed = { longest = { lattice = 4 }, middle = { hermite = 1 }, shortest = { lattice = 1 } }",
+    "rbf = { centers = \"corners+centre\", kernel = \"linear\" }",
+    "rbf = { centers = \"corners+centre\", kernel = \"cubic\" }",
+    "rbf = { samples = [3, 2, 2], kernel = \"thin_plate\" }",
+    "rbf = { centers = \"corners\", kernel = \"gaussian\", shape = 1.2 }",
+    "rbf = { centers = [[0, 0, 0], [0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0.25, 1]], kernel = \"cubic\" }",
 ];
 
 /// The catalogue.

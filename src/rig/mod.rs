@@ -18,6 +18,7 @@ mod grid;
 pub mod interpolation;
 mod lattice;
 mod mixed;
+mod rbf;
 
 pub use catalogue::{CatalogueEntry, catalogue};
 pub use constant::Constant;
@@ -26,6 +27,7 @@ pub use grid::{AxisNames, Grid, GridAxis, Nodes, grid_placement, tensor_taps, wg
 pub use interpolation::{Interpolation, InterpolationChoice};
 pub use lattice::Lattice;
 pub use mixed::{AxisModel, Mixed};
+pub use rbf::{Centers, Kernel, Rbf, RbfSolver};
 
 use std::ops::Range;
 
@@ -40,12 +42,17 @@ use constant::ConstantModel;
 use gradient::GradientModel;
 use lattice::{LatticeFile, LatticeModel};
 use mixed::{MixedFile, MixedModel};
+use rbf::{RbfFile, RbfModel};
 
-/// What a fit gives: the vectors that the rig keeps, and the condition number where a system was solved.
+/// What a fit gives.
 #[derive(Clone, Debug)]
 pub struct Fit<T> {
+    /// The vectors that the rig keeps.
     pub vectors: ShVectors<T>,
+    /// Largest over smallest singular value that was kept, of a system that was solved.
     pub condition: Option<f64>,
+    /// Singular values that were cut: above 0, the answer is the one of least norm among many.
+    pub cut: usize,
 }
 
 /// Points to light, structure of arrays: box coordinates and world normals.
@@ -86,7 +93,7 @@ pub trait Rig {
     /// From the sampled vectors (per request: value, then derivatives asked for) to the vectors that are kept.
     fn fit<T: Real>(&self, half: [f64; 3], sampled: ShVectors<T>) -> Fit<T> {
         let _ = half;
-        Fit { vectors: sampled, condition: None }
+        Fit { vectors: sampled, condition: None, cut: 0 }
     }
 
     /// The weights over a box of these half extents.
@@ -275,6 +282,7 @@ rigs!(
     gradient => Gradient / Gradient / GradientModel,
     lattice => Lattice / LatticeFile / LatticeModel,
     mixed => Mixed / MixedFile / MixedModel,
+    rbf => Rbf / RbfFile / RbfModel,
 );
 
 impl AnyRig {

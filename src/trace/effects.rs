@@ -1,6 +1,7 @@
 use std::fmt;
 
 use crate::input::{nearest_word, unknown_word_message};
+use crate::scene::Scene;
 
 /// How often light may be reflected by the static environment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -40,6 +41,22 @@ pub struct SceneFacts {
     pub emits: bool,
     /// Some receiver's material has a wrap.
     pub wrap: bool,
+}
+
+impl SceneFacts {
+    /// Of a scene under so many lights.
+    pub fn of(scene: &Scene, lights: usize) -> Self {
+        let any = |holds: fn(&[f64; 3], &[f64; 3]) -> bool| {
+            scene.statics.iter().any(|object| holds(&object.material.albedo, &object.material.emission))
+        };
+        Self {
+            lights,
+            static_triangles: scene.statics.iter().map(|object| object.mesh.triangles.len()).sum(),
+            reflects: any(|albedo, _| albedo.iter().any(|a| *a > 0.0)),
+            emits: any(|_, emission| emission.iter().any(|e| *e > 0.0)),
+            wrap: scene.receivers.iter().any(|receiver| receiver.material.wrap > 0.0),
+        }
+    }
 }
 
 impl Effects {

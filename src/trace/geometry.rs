@@ -1,6 +1,7 @@
 use glam::DVec3;
 
 use crate::math::Rgb;
+use crate::scene::StaticObject;
 
 /// How a surface of the static environment answers light: it reflects diffusely from both sides and emits from its front,
 /// the side from which its vertices run counter-clockwise.
@@ -22,6 +23,19 @@ pub struct TracedGeometry {
 }
 
 impl TracedGeometry {
+    /// The static environment of a scene.
+    pub fn of_statics(objects: &[StaticObject]) -> Self {
+        let mut geometry = Self::default();
+        for object in objects {
+            let material = TracedMaterial {
+                albedo: Rgb::from_array(object.material.albedo),
+                emission: Rgb::from_array(object.material.emission),
+            };
+            geometry.add(material, (0..object.mesh.triangles.len()).map(|triangle| object.mesh.corners(triangle)));
+        }
+        geometry
+    }
+
     /// Adds triangles of one material. Those without area are left out: they block nothing and emit nothing.
     pub fn add(&mut self, material: TracedMaterial, triangles: impl IntoIterator<Item = [DVec3; 3]>) {
         let index = self.materials.len() as u32;

@@ -1,5 +1,5 @@
 use super::Scheme;
-use super::gradient_corrected::{corrected_nodes, corrected_wgsl, one_expanded_axis};
+use super::gradient_corrected::{corrected_nodes, corrected_wgsl};
 use crate::math::{Real, Vector3};
 use crate::rig::{Grid, tensor_taps};
 
@@ -27,11 +27,10 @@ impl Scheme for HalfGradient {
         corrected_wgsl(0.5)
     }
 
-    /// Quadratics, and products of linear factors with one square at most; linear alone on one-sample axes.
+    /// Quadratics, and products of linear factors with one square at most; a factor of a one-sample axis leaves no square.
     fn reproduces(&self, counts: [usize; 3], exponents: [u32; 3]) -> bool {
         let squares = exponents.iter().filter(|e| **e == 2).count();
-        (0..3).all(|a| exponents[a] <= if counts[a] == 1 { 1 } else { 2 })
-            && squares <= 1
-            && one_expanded_axis(counts, exponents)
+        let expanded = (0..3).filter(|a| counts[*a] == 1 && exponents[*a] > 0).count();
+        (0..3).all(|a| exponents[a] <= if counts[a] == 1 { 1 } else { 2 }) && squares + expanded <= 1
     }
 }
