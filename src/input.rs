@@ -87,16 +87,17 @@ impl Source {
 
     /// Parses the whole file; syntax, unknown keys and wrong types become errors with their place.
     pub fn parse<V: DeserializeOwned>(&self) -> Result<V, InputError> {
-        toml::from_str(&self.text).map_err(|e| {
-            let message = e.message().to_owned();
-            let help = nearest_of_message(&message);
-            InputError {
-                path: self.path.clone(),
-                place: e.span().map(|s| self.line_column(s.start)),
-                message: message.replace('\n', " "),
-                help,
-            }
-        })
+        toml::from_str(&self.text).map_err(|e| self.toml_error(&e))
+    }
+
+    /// What the TOML reader or serde found wrong in this file, with its place and the nearest right word.
+    pub fn toml_error(&self, error: &toml::de::Error) -> InputError {
+        InputError {
+            path: self.path.clone(),
+            place: error.span().map(|s| self.line_column(s.start)),
+            message: plain_types(&error.message().replace('\n', " ")),
+            help: nearest_of_message(error.message()),
+        }
     }
 
     /// An error at a place of this file, as spanned values give it.
@@ -134,6 +135,14 @@ impl Source {
     }
 }
 
+/// Serde names Rust's types; a user knows numbers.
+fn plain_types(message: &str) -> String {
+    let whole = ["i64", "i32", "u64", "u32", "u8", "usize"]
+        .iter()
+        .fold(message.to_owned(), |text, name| text.replace(&format!("expected {name}"), "expected a whole number"));
+    whole.replace("expected f64", "expected a number")
+}
+
 /// "unknown X `word`, allowed: ..."
 pub fn unknown_word_message(what: &str, word: &str, allowed: &[&str]) -> String {
     let list: Vec<String> = allowed.iter().map(|a| format!("`{a}`")).collect();
@@ -143,14 +152,20 @@ pub fn unknown_word_message(what: &str, word: &str, allowed: &[&str]) -> String 
     }
 }
 
-/// The allowed word that is nearest to a mistyped one (Jaro-Winkler similarity above 0.7), if any is near.
+/// The allowed word that is nearest to a mistyped one, if any is near: Jaro-Winkler similarity above 0.7, or one letter away
+/// (short words are less alike than they look).
 pub fn nearest_word<'a>(word: &str, allowed: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let word = word.to_lowercase();
     allowed
         .into_iter()
-        .map(|candidate| (strsim::jaro_winkler(&word.to_lowercase(), &candidate.to_lowercase()), candidate))
-        .filter(|(similarity, _)| *similarity > 0.7)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, candidate)| candidate)
+        .map(|candidate| {
+            let other = candidate.to_lowercase();
+            let one_letter = strsim::osa_distance(&word, &other) <= 1 && word.chars().count() > 1;
+            (one_letter, strsim::jaro_winkler(&word, &other), candidate)
+        })
+        .filter(|(one_letter, similarity, _)| *one_letter || *similarity > 0.7)
+        .max_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)))
+        .map(|(_, _, candidate)| candidate)
 }
 
 /// The nearest right word of a serde message "unknown field `x`, expected one of `a`, `b`".

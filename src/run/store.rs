@@ -253,7 +253,7 @@ impl Store {
         let keys: Vec<Key> = planned.iter().map(Identity::key).collect();
         let kept: Vec<Kept> = keys.iter().map(|key| self.kept(key)).collect();
         // the last run of the same columns is looked for only where a key is unknown
-        let last = match kept.iter().any(|k| *k == Kept::Nothing) {
+        let last = match kept.contains(&Kept::Nothing) {
             true => self.last_by_columns(&keys.iter().map(Key::run).collect()),
             false => HashMap::new(),
         };

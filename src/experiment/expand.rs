@@ -1,0 +1,373 @@
+//! From lists of values to candidates.
+
+use std::collections::HashMap;
+use std::ops::Range;
+use std::sync::Arc;
+
+use serde_json::Value;
+
+use super::axis::{Axis, AxisEntry};
+use super::candidate::{Candidate, Lights, Method};
+use super::definition::{Backend, Choice, LightModel, Precision, ProbeSource, Storage, Transition};
+use crate::input::{InputError, Source, Spanned};
+use crate::probe::GradientSource;
+use crate::rig::interpolation::Interpolation;
+use crate::rig::{AnyRig, InterpolationChoice, Rig, RigFile};
+use crate::scene::{Layout, Scene};
+use crate::sh::Window;
+
+/// The most candidates of an experiment.
+const MOST_CANDIDATES: usize = 1_000_000;
+
+/// A `[rig.NAME]` before its interpolation is known.
+#[derive(Debug)]
+pub struct RigDefinition {
+    pub name: Spanned<String>,
+    pub file: RigFile,
+    /// The table's place.
+    pub span: Range<usize>,
+    pub freeze_frame: Option<Spanned<usize>>,
+}
+
+/// A layout of the matrix, or one of its random instances where the word names it.
+#[derive(Clone, Debug)]
+pub struct LayoutWord {
+    pub layout: Arc<Layout>,
+    pub only: Option<usize>,
+}
+
+/// The values of an axis.
+#[derive(Clone, Debug)]
+pub enum List<V> {
+    Values(Vec<Choice<V>>),
+    /// The axis is left out and takes what the rig or the program has.
+    Default,
+    /// An include leaves the axis out and the matrix has several values: an error where the axis has a meaning.
+    Open,
+}
+
+/// The lists of all axes: of the matrix, or of an include.
+#[derive(Clone, Debug)]
+pub struct Lists {
+    pub scene: List<Arc<Scene>>,
+    pub lights: List<LayoutWord>,
+    /// None is `direct`.
+    pub rig: List<Option<Arc<RigDefinition>>>,
+    pub order: List<usize>,
+    pub interpolation: List<InterpolationChoice>,
+    pub light_model: List<LightModel>,
+    pub probe_source: List<ProbeSource>,
+    pub gradient_source: List<GradientSource>,
+    pub window: List<Window>,
+    pub transition: List<Transition>,
+    pub backend: List<Backend>,
+    pub storage: List<Storage>,
+    pub precision: List<Precision>,
+}
+
+/// Whether an axis has a meaning for a candidate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Meaning {
+    /// Its values make different candidates.
+    Chosen,
+    /// It has this one value whatever the list says.
+    Only(&'static str),
+    None,
+}
+
+/// The one place that says which axis has a meaning where. An axis looks at axes before it alone.
+fn meaning(axis: Axis, draft: &Draft) -> Meaning {
+    let rig = draft.rig.as_deref();
+    let chosen_if = |meant: bool| if meant { Meaning::Chosen } else { Meaning::None };
+    match axis {
+        Axis::Scene | Axis::Lights | Axis::Rig | Axis::LightModel | Axis::Backend => Meaning::Chosen,
+        // `direct` has no SH and no probe samples
+        Axis::Order | Axis::ProbeSource | Axis::Window | Axis::Transition => chosen_if(rig.is_some()),
+        Axis::Interpolation => chosen_if(rig.is_some_and(|rig| rig.has_interpolation)),
+        Axis::GradientSource => chosen_if(rig.is_some_and(|rig| rig.asks_derivatives)),
+        // no rig subdivides
+        Axis::Heuristic => Meaning::None,
+        Axis::Storage => {
+            chosen_if(draft.backend == Some(Backend::Gpu) && rig.is_some_and(|rig| rig.filtered_by_hardware))
+        }
+        Axis::Precision => match draft.backend {
+            Some(Backend::Gpu) => Meaning::Only("f32"),
+            _ => Meaning::Chosen,
+        },
+    }
+}
+
+/// What the axes ask of a rig.
+#[derive(Debug)]
+struct RigFacts {
+    rig: Arc<AnyRig>,
+    has_interpolation: bool,
+    asks_derivatives: bool,
+    /// The GPU's texture units can do its interpolation.
+    filtered_by_hardware: bool,
+}
+
+impl RigFacts {
+    fn new(rig: AnyRig) -> Self {
+        // derivatives are asked for or not whatever the size of the box, as long as it has extent
+        let asks_derivatives = rig.placement([1.0; 3]).iter().any(|request| request.derivatives.contains(&true));
+        Self {
+            has_interpolation: rig.interpolation().is_some(),
+            filtered_by_hardware: matches!(rig.interpolation(), Some(Interpolation::Trilinear(_))),
+            asks_derivatives,
+            rig: Arc::new(rig),
+        }
+    }
+}
+
+/// A candidate of which the axes up to some point are chosen.
+#[derive(Clone, Debug, Default)]
+struct Draft {
+    columns: [Option<Arc<str>>; Axis::COUNT],
+    scene: Option<Arc<Scene>>,
+    lights: Option<Arc<Lights>>,
+    definition: Option<Arc<RigDefinition>>,
+    rig: Option<Arc<RigFacts>>,
+    order: Option<usize>,
+    light_model: Option<LightModel>,
+    probe_source: Option<ProbeSource>,
+    gradient_source: Option<GradientSource>,
+    window: Option<Window>,
+    transition: Option<Transition>,
+    backend: Option<Backend>,
+    storage: Option<Storage>,
+    precision: Option<Precision>,
+}
+
+/// Expands lists; what several candidates share is made once.
+pub struct Expansion<'s> {
+    source: &'s Source,
+    shared: Arc<Value>,
+    rigs: HashMap<(*const RigDefinition, Option<String>), Arc<RigFacts>>,
+    instances: HashMap<(*const Scene, *const Layout), Arc<Vec<Arc<Lights>>>>,
+    candidates: Vec<Candidate>,
+}
+
+impl<'s> Expansion<'s> {
+    pub fn new(source: &'s Source, shared: Arc<Value>) -> Self {
+        Self { source, shared, rigs: HashMap::new(), instances: HashMap::new(), candidates: Vec::new() }
+    }
+
+    /// Every candidate of the lists' product, each once; `place` is where the lists stand.
+    pub fn product(&mut self, lists: &Lists, place: &Range<usize>) -> Result<Vec<Candidate>, InputError> {
+        self.step(0, lists, &Draft::default(), place)?;
+        Ok(std::mem::take(&mut self.candidates))
+    }
+
+    /// Chooses the axis at this place of [`Axis::ALL`] in every way, then those behind it.
+    fn step(&mut self, at: usize, lists: &Lists, draft: &Draft, place: &Range<usize>) -> Result<(), InputError> {
+        let Some(axis) = Axis::ALL.get(at).copied() else {
+            if self.candidates.len() >= MOST_CANDIDATES {
+                let message = format!("more than {MOST_CANDIDATES} candidates; make the matrix smaller");
+                return Err(self.source.error(place.clone(), message));
+            }
+            self.candidates.push(self.finish(draft));
+            return Ok(());
+        };
+        match meaning(axis, draft) {
+            Meaning::None => self.step(at + 1, lists, draft, place),
+            Meaning::Only(text) => {
+                let mut next = draft.clone();
+                next.columns[axis.index()] = Some(text.into());
+                self.step(at + 1, lists, &next, place)
+            }
+            Meaning::Chosen => {
+                for next in self.choose(axis, lists, draft, place)? {
+                    self.step(at + 1, lists, &next, place)?;
+                }
+                Ok(())
+            }
+        }
+    }
+
+    /// The draft with each value of an axis.
+    fn choose(
+        &mut self,
+        axis: Axis,
+        lists: &Lists,
+        draft: &Draft,
+        place: &Range<usize>,
+    ) -> Result<Vec<Draft>, InputError> {
+        let source = self.source;
+        let open = || {
+            let message = format!("`{axis}` is left out and the matrix has several values for it; say which");
+            source.error(place.clone(), message)
+        };
+        let missing = || source.error(place.clone(), format!("no `{axis}`; the matrix needs a list of them"));
+        /// Every value of a list, or the default one, put into the field of its name.
+        macro_rules! each {
+            ($field:ident, $default:expr) => {
+                match &lists.$field {
+                    List::Open => Err(open()),
+                    List::Default => Ok(vec![draft.with(axis, $default.0, |next| next.$field = Some($default.1))]),
+                    List::Values(choices) => Ok(choices
+                        .iter()
+                        .map(|choice| draft.with(axis, &choice.text, |next| next.$field = Some(choice.value.clone())))
+                        .collect()),
+                }
+            };
+        }
+        match axis {
+            Axis::Scene => match &lists.scene {
+                List::Open => Err(open()),
+                List::Default => Err(missing()),
+                List::Values(scenes) => Ok(scenes
+                    .iter()
+                    .map(|scene| draft.with(axis, &scene.text, |next| next.scene = Some(scene.value.clone())))
+                    .collect()),
+            },
+            Axis::Lights => match &lists.lights {
+                List::Open => Err(open()),
+                List::Default => Err(missing()),
+                List::Values(layouts) => {
+                    let scene = draft.scene.clone().expect("the scene is chosen before the lights");
+                    let mut drafts = Vec::new();
+                    for layout in layouts {
+                        let LayoutWord { layout, only } = &layout.value;
+                        for lights in self.instances(&scene, layout).iter() {
+                            if only.is_none_or(|index| lights.instance.index == Some(index)) {
+                                drafts.push(draft.with(axis, lights.name(), |next| next.lights = Some(lights.clone())));
+                            }
+                        }
+                    }
+                    Ok(drafts)
+                }
+            },
+            Axis::Rig => match &lists.rig {
+                List::Open => Err(open()),
+                List::Default => Err(missing()),
+                List::Values(rigs) => {
+                    let mut drafts = Vec::new();
+                    for choice in rigs {
+                        let mut next = draft.with(axis, &choice.text, |next| next.definition = choice.value.clone());
+                        if let Some(definition) = &choice.value {
+                            next.rig = Some(self.rig(definition, None)?);
+                            self.check_frame(definition, &next)?;
+                        }
+                        drafts.push(next);
+                    }
+                    Ok(drafts)
+                }
+            },
+            Axis::Interpolation => {
+                let definition = draft.definition.clone().expect("the rig is chosen before its interpolation");
+                match &lists.interpolation {
+                    List::Open => Err(open()),
+                    List::Default => {
+                        let own = draft.rig.as_ref().and_then(|facts| facts.rig.interpolation());
+                        let own = own.expect("the axis has a meaning").key();
+                        Ok(vec![draft.with(axis, own, |_| {})])
+                    }
+                    List::Values(choices) => {
+                        let mut drafts = Vec::new();
+                        for choice in choices {
+                            let rig = self.rig(&definition, Some(choice))?;
+                            drafts.push(draft.with(axis, &choice.text, |next| next.rig = Some(rig)));
+                        }
+                        Ok(drafts)
+                    }
+                }
+            }
+            Axis::Heuristic => unreachable!("no rig subdivides"),
+            Axis::Order => each!(order, ("3", 3)),
+            Axis::LightModel => each!(light_model, ("exact", LightModel::EXACT)),
+            Axis::ProbeSource => each!(probe_source, ("analytic", ProbeSource::Analytic)),
+            Axis::GradientSource => each!(gradient_source, ("analytic", GradientSource::Analytic)),
+            Axis::Window => each!(window, ("none", Window::None)),
+            Axis::Transition => each!(transition, ("none", Transition::None)),
+            Axis::Backend => each!(backend, ("cpu", Backend::Cpu)),
+            Axis::Storage => each!(storage, ("buffer", Storage::Buffer)),
+            Axis::Precision => each!(precision, ("f32", Precision::F32)),
+        }
+    }
+
+    /// A definition with an interpolation of the matrix in place of its own.
+    fn rig(
+        &mut self,
+        definition: &Arc<RigDefinition>,
+        interpolation: Option<&Choice<InterpolationChoice>>,
+    ) -> Result<Arc<RigFacts>, InputError> {
+        let key = (Arc::as_ptr(definition), interpolation.map(|choice| choice.text.clone()));
+        if let Some(known) = self.rigs.get(&key) {
+            return Ok(known.clone());
+        }
+        let choice = interpolation.map(|choice| choice.value);
+        let rig = definition.file.resolve(self.source, definition.span.clone(), choice)?;
+        let facts = Arc::new(RigFacts::new(rig));
+        self.rigs.insert(key, facts.clone());
+        Ok(facts)
+    }
+
+    /// A frozen frame must be one of the scene's.
+    fn check_frame(&self, definition: &RigDefinition, draft: &Draft) -> Result<(), InputError> {
+        if let (Some(frame), Some(scene)) = (&definition.freeze_frame, &draft.scene)
+            && *frame.get_ref() >= scene.frames
+        {
+            let message = format!("frame {}; scene `{}` has {} (from 0)", frame.get_ref(), scene.name, scene.frames);
+            return Err(self.source.error(frame.span(), message));
+        }
+        Ok(())
+    }
+
+    /// A layout in a scene: itself, or every random layout that it stands for, placed about the scene's receivers.
+    fn instances(&mut self, scene: &Arc<Scene>, layout: &Arc<Layout>) -> Arc<Vec<Arc<Lights>>> {
+        let known = self.instances.entry((Arc::as_ptr(scene), Arc::as_ptr(layout))).or_insert_with(|| {
+            let boxes: Vec<_> = scene.receivers.iter().map(|receiver| receiver.oriented_box(0)).collect();
+            let instances = layout.instances(&boxes).into_iter();
+            Arc::new(instances.map(|instance| Arc::new(Lights { layout: layout.clone(), instance })).collect())
+        });
+        known.clone()
+    }
+
+    fn finish(&self, draft: &Draft) -> Candidate {
+        let chosen = "every axis with a meaning is chosen";
+        let method = match (&draft.definition, &draft.rig) {
+            (Some(definition), Some(facts)) => Method::Rig {
+                rig: facts.rig.clone(),
+                freeze_frame: definition.freeze_frame.as_ref().map(|frame| *frame.get_ref()),
+            },
+            _ => Method::Direct,
+        };
+        Candidate {
+            columns: draft.columns.clone(),
+            scene: draft.scene.clone().expect(chosen),
+            lights: draft.lights.clone().expect(chosen),
+            method,
+            order: draft.order,
+            light_model: draft.light_model.expect(chosen),
+            probe_source: draft.probe_source,
+            gradient_source: draft.gradient_source,
+            window: draft.window,
+            transition: draft.transition,
+            backend: draft.backend.expect(chosen),
+            storage: draft.storage,
+            precision: draft.precision.unwrap_or(Precision::F32),
+            shared: self.shared.clone(),
+        }
+    }
+}
+
+impl Draft {
+    fn with(&self, axis: Axis, text: &str, put: impl FnOnce(&mut Draft)) -> Draft {
+        let mut next = self.clone();
+        next.columns[axis.index()] = Some(text.into());
+        put(&mut next);
+        next
+    }
+}
+
+/// The candidates of an include, and an error where one of its axes has a meaning for none of them.
+pub fn check_include(entries: &[AxisEntry], candidates: &[Candidate], source: &Source) -> Result<(), InputError> {
+    for entry in entries {
+        if candidates.iter().all(|candidate| candidate.column(entry.axis).is_none()) {
+            let message = format!("`{}` has no meaning for this candidate", entry.axis);
+            return Err(source.error(entry.key.clone(), message));
+        }
+    }
+    Ok(())
+}
