@@ -25,6 +25,7 @@ fn problem(line: &str) -> InputError {
 fn every_shape_loads() {
     let tables = [
         "sphere = { center = [0, 2, 0], radius = 0.2, radiance = [12, 12, 12] }",
+        "disk = { center = [0, 2, 0], normal = [0, -2, 0], radius = 0.2, radiance = [12, 12, 12] }",
         "point = { position = [0, 2, 0], intensity = [1, 2, 3] }",
         "directional = { towards = [0, 2, 0], irradiance = [1, 2, 3] }",
         "constant = { radiance = [1, 2, 3] }",

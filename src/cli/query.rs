@@ -311,8 +311,7 @@ fn rig_values<T: Real>(
 ) -> Result<Values, Failure> {
     let lobe = Lobe::<T>::new(args.wrap);
     let order = usize::from(args.order);
-    let stage =
-        RigStage::<T>::new(rig, bounds, order, lighting.lights, lobe, GradientSource::Analytic, Window::None);
+    let stage = RigStage::<T>::new(rig, bounds, order, lighting.lights, lobe, GradientSource::Analytic, Window::None);
     let values_of = |fitted: &FittedRig<T>| -> Values {
         match args.quantity {
             Quantity::Irradiance => {
@@ -409,10 +408,14 @@ fn gpu_values(
     bounds: Option<OrientedBox>,
 ) -> Result<Values, Failure> {
     if args.quantity != Quantity::Irradiance {
-        return Err(Failure::usage("the GPU evaluates irradiance; ask for --quantity irradiance, or for --backend cpu"));
+        return Err(Failure::usage(
+            "the GPU evaluates irradiance; ask for --quantity irradiance, or for --backend cpu",
+        ));
     }
     if lighting.is_sampled() {
-        return Err(Failure::usage("shadows and bounces are traced on the CPU; ask for --effects none, or for --backend cpu"));
+        return Err(Failure::usage(
+            "shadows and bounces are traced on the CPU; ask for --effects none, or for --backend cpu",
+        ));
     }
     let gpu = Gpu::open(AdapterKind::Any).map_err(|error| Failure::new(Exit::NoGpu, error.to_string()))?;
     let rig = match args.rig.as_deref().map(str::trim) {
@@ -477,8 +480,7 @@ fn read_points(path: &Path, with_normals: bool) -> Result<QueryPoints, InputErro
         message,
         help: None,
     };
-    let mut reader =
-        csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(source.text.as_bytes());
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(source.text.as_bytes());
     let header = reader.headers().map_err(|e| at(1, 1, format!("no CSV header: {e}")))?.clone();
     let names: Vec<&str> = header.iter().collect();
     let has_normals = names == ["x", "y", "z", "nx", "ny", "nz"];
@@ -501,7 +503,11 @@ fn read_points(path: &Path, with_normals: bool) -> Result<QueryPoints, InputErro
             row[column] = match field.parse::<f64>() {
                 Ok(value) if value.is_finite() => value,
                 Ok(value) => {
-                    return Err(at(line, column + 1, format!("field `{}` is {value}; it must be finite", names[column])));
+                    return Err(at(
+                        line,
+                        column + 1,
+                        format!("field `{}` is {value}; it must be finite", names[column]),
+                    ));
                 }
                 Err(_) => {
                     return Err(at(line, column + 1, format!("field `{}` is `{field}`, no number", names[column])));

@@ -7,6 +7,7 @@
 
 mod constant;
 mod directional;
+mod disk;
 mod file;
 mod integral;
 mod point;
@@ -14,6 +15,7 @@ mod sphere;
 
 pub use constant::{Constant, ConstantFile};
 pub use directional::{Directional, DirectionalFile};
+pub use disk::{Disk, DiskFile};
 pub use point::{Point, PointFile};
 pub use sphere::{Sphere, SphereFile};
 
@@ -174,7 +176,7 @@ macro_rules! uniform_emitters {
     )+};
 }
 
-uniform_emitters!(Sphere);
+uniform_emitters!(Sphere, Disk);
 
 /// The smallest sphere about a light that its shape knows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -316,6 +318,7 @@ macro_rules! light_shapes {
 
 light_shapes!(
     sphere: Sphere / SphereFile,
+    disk: Disk / DiskFile,
     point: Point / PointFile,
     directional: Directional / DirectionalFile,
     constant: Constant / ConstantFile,
