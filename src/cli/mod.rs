@@ -6,6 +6,7 @@ mod completions;
 mod exit;
 mod man;
 mod query;
+mod run;
 
 pub use exit::{Exit, Failure};
 
@@ -44,6 +45,7 @@ verbs! {
     Completions => completions,
     Man => man,
     Query => query,
+    Run => run,
 }
 
 /// The whole command line, for completions, the manual and tests.

@@ -1,0 +1,432 @@
+//! A block: one scene under one layout in one frame, with everything that its candidates share.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+
+use super::{ArrayCache, Arrays};
+use crate::candidate::{CandidateError, Counts, GpuBench, Lit, Recipe, Surroundings, prepare};
+use crate::experiment::{Key, ReferenceSettings};
+use crate::light::Light;
+use crate::math::{Irradiance, Rgb};
+use crate::metric::{self, Direction, Scored};
+use crate::picture::Picture;
+use crate::reference::{self, Reference};
+use crate::scene::{OrientedBox, Pixels, Scene, SurfacePoint};
+use crate::sh::Lobe;
+use crate::trace::{Counters, Effort, Transport};
+
+/// Area points a receiver: what every number comes from.
+pub const AREA_POINTS: usize = 4096;
+
+/// One scene under one layout in one frame, with its reference.
+pub struct Block {
+    pub lights: Vec<Light<f64>>,
+    /// One a receiver with a surface.
+    pub parts: Vec<Part>,
+    /// What the camera sees, where pictures are wanted.
+    pub view: Option<View>,
+}
+
+/// A receiver in a block.
+pub struct Part {
+    pub receiver: String,
+    pub bounds: OrientedBox,
+    /// a of its material's wrap lobe.
+    pub wrap: f64,
+    pub vertices: usize,
+    pub points: Vec<SurfacePoint>,
+    pub reference: Reference,
+    /// By order: irradiance from SH that is exact at every point.
+    pub truncated: BTreeMap<usize, Vec<Rgb<f64>>>,
+}
+
+/// The pixels of a block and their reference.
+pub struct View {
+    pub width: usize,
+    pub height: usize,
+    /// Every pixel that sees a surface: its place in the picture, its part (`None`: static environment), point and albedo.
+    pub hits: Vec<ViewHit>,
+    /// E at every hit.
+    pub reference: Vec<Rgb<f64>>,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub struct ViewHit {
+    pub pixel: usize,
+    pub part: Option<usize>,
+    pub point: SurfacePoint,
+    pub albedo: [f64; 3],
+}
+
+/// Values of the metrics of one set of points; those that could not be measured say why.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Scores {
+    pub values: BTreeMap<String, f64>,
+    /// Metrics under twice the noise of the reference.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub not_resolved: Vec<String>,
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub reasons: BTreeMap<String, String>,
+}
+
+/// What the first phase finds of a candidate: the content of `metrics.json`.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Findings {
+    pub pooled: Scores,
+    /// By receiver, where there are several.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub receivers: BTreeMap<String, Scores>,
+    /// By frame, where there are several.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub frames: Vec<Scores>,
+    /// FLIP of the picture, LDR.
+    pub flip: Option<f64>,
+    pub counts: Counts,
+    /// Values that were not finite among the candidate's.
+    pub non_finite: u64,
+    /// Vertices of all receivers.
+    pub vertices: u64,
+    pub effects: String,
+    pub effects_why: Vec<String>,
+    /// What was computed, by name: shadow rays, bounces, evaluations of wrap lobes...
+    pub counters: BTreeMap<String, u64>,
+}
+
+/// What of a scene, a layout and the settings goes into a block.
+pub struct BlockRequest<'a> {
+    pub scene: &'a Scene,
+    pub frame: usize,
+    pub lights: Vec<Light<f64>>,
+    pub orders: Vec<usize>,
+    /// Width and height, where pictures are wanted.
+    pub image: Option<(usize, usize)>,
+    /// Content of all that, for the cache; `None` where keeping it would cost more than computing it.
+    pub key: Option<Key>,
+    /// The static environment, where effects have to be sampled.
+    pub sampled: Option<Sampling<'a>>,
+    /// Whether the reference is wanted; timing needs the points alone.
+    pub reference: bool,
+}
+
+/// How a reference with shadows or bounces is sampled.
+#[derive(Clone, Copy)]
+pub struct Sampling<'a> {
+    pub transport: &'a Transport<'a>,
+    pub settings: ReferenceSettings,
+    pub seed: u64,
+}
+
+/// Paths a pixel of a sampled picture; pictures may be noisier than the numbers.
+const PICTURE_PATHS: u64 = 64;
+
+impl Sampling<'_> {
+    fn effort(&self) -> Effort {
+        Effort::Error {
+            relative: self.settings.relative_error,
+            most_samples: 1_000_000,
+            deadline: Some(Instant::now() + Duration::from_secs_f64(self.settings.seconds)),
+        }
+    }
+}
+
+impl Block {
+    /// Points, exact reference and truncated SH, from the cache where they are in it.
+    pub fn new(request: BlockRequest, cache: &ArrayCache) -> Self {
+        let BlockRequest { scene, frame, lights, orders, image, key, sampled, reference: wanted } = request;
+        let kept = key.as_ref().and_then(|key| cache.load(key)).unwrap_or_default();
+        let mut fresh = Arrays::default();
+        let mut known = |name: String, count: usize, compute: &mut dyn FnMut() -> Vec<Rgb<f64>>| {
+            let values = match kept.get(&name).and_then(|flat| colours(flat, count)) {
+                Some(values) => values,
+                None => compute(),
+            };
+            fresh.arrays.push((name, values.iter().flat_map(|v| v.to_array()).collect()));
+            values
+        };
+        let area_points = sampled.map_or(AREA_POINTS, |s| s.settings.points as usize);
+        let mut parts = Vec::new();
+        for (index, receiver) in scene.receivers.iter().enumerate().filter(|(_, r)| r.mesh.is_some()) {
+            let points = receiver.area_points(frame, area_points);
+            let bounds = receiver.oriented_box(frame);
+            let lobe = Lobe::<f64>::new(receiver.material.wrap);
+            let mut computed = Reference::default();
+            let (mut irradiance, mut standard_error) = (Vec::new(), Vec::new());
+            if wanted {
+                irradiance = known(format!("{index}.irradiance"), points.len(), &mut || {
+                    computed = match sampled {
+                        Some(s) => reference::traced(s.transport, &points, &lobe, s.seed, s.effort()),
+                        None => reference::exact(&lights, &points, &lobe, glam::DVec3::ZERO),
+                    };
+                    computed.irradiance.clone()
+                });
+                if sampled.is_some() {
+                    standard_error = known(format!("{index}.standard_error"), points.len(), &mut || {
+                        computed.standard_error.clone()
+                    });
+                }
+            }
+            let truncated = orders
+                .iter()
+                .map(|order| {
+                    let values = known(format!("{index}.order{order}"), points.len(), &mut || match sampled {
+                        Some(s) => reference::truncated_traced(s.transport, &points, &lobe, *order, s.seed, s.effort()),
+                        None => reference::truncated(&lights, &points, &lobe, &[*order]).remove(0),
+                    });
+                    (*order, values)
+                })
+                .collect();
+            parts.push(Part {
+                receiver: receiver.name.clone(),
+                bounds,
+                wrap: receiver.material.wrap,
+                vertices: receiver.vertex_count(),
+                points,
+                reference: Reference { irradiance, standard_error, singular: computed.singular, counters: computed.counters },
+                truncated,
+            });
+        }
+        let view = image.filter(|_| scene.camera.is_some()).map(|(width, height)| {
+            let pixels = Pixels::cast(scene, frame, width, height);
+            let part_of = |receiver: u16| parts.iter().position(|p| p.receiver == scene.receivers[receiver as usize].name);
+            let hits: Vec<ViewHit> = pixels
+                .hits
+                .iter()
+                .enumerate()
+                .filter_map(|(pixel, hit)| {
+                    let hit = (*hit)?;
+                    Some(ViewHit { pixel, part: hit.receiver.and_then(part_of), point: hit.point, albedo: hit.albedo })
+                })
+                .collect();
+            let reference = known("view".to_owned(), hits.len(), &mut || {
+                if let Some(s) = sampled {
+                    let points: Vec<SurfacePoint> = hits.iter().map(|hit| hit.point).collect();
+                    let wrap = parts.first().map_or(0.0, |part| part.wrap);
+                    let effort = Effort::Samples(PICTURE_PATHS);
+                    return reference::traced(s.transport, &points, &Lobe::new(wrap), s.seed, effort).irradiance;
+                }
+                hits.par_iter()
+                    .with_min_len(256)
+                    .map(|hit| {
+                        let wrap = hit.part.map_or(0.0, |part| parts[part].wrap);
+                        let lobe = Lobe::<f64>::new(wrap);
+                        reference::exact_at(&lights, &hit.point, &lobe)
+                    })
+                    .collect()
+            });
+            View { width, height, hits, reference }
+        });
+        if let Some(key) = key
+            && fresh.arrays.len() != kept.arrays.len()
+        {
+            // what is not kept is computed again; a full disk shows where it matters, at the results
+            if let Err(error) = cache.store(&key, &fresh) {
+                tracing::warn!("the reference was not kept: {error}");
+            }
+        }
+        Self { lights, parts, view }
+    }
+
+    /// Sets a recipe up for every receiver.
+    pub fn prepare(
+        &self,
+        recipe: &Recipe,
+        transport: Option<&Transport>,
+        gpu: Option<&GpuBench>,
+    ) -> Result<Vec<Box<dyn Lit>>, CandidateError> {
+        self.parts
+            .iter()
+            .map(|part| {
+                let around = Surroundings { bounds: part.bounds, lights: &self.lights, wrap: part.wrap, transport };
+                prepare(recipe, &around, gpu)
+            })
+            .collect()
+    }
+
+}
+
+/// The blocks of all frames of a scene under one layout; one block where nothing moves.
+pub struct Film {
+    pub frames: Vec<Block>,
+}
+
+/// A candidate's receivers, set up for each frame or for one that is frozen.
+pub struct Cast {
+    frames: Vec<Vec<Box<dyn Lit>>>,
+    frozen: bool,
+}
+
+impl Cast {
+    /// The receivers as they light a frame.
+    pub fn frame(&self, frame: usize) -> &[Box<dyn Lit>] {
+        &self.frames[if self.frozen { 0 } else { frame }]
+    }
+}
+
+impl Film {
+    /// Sets a recipe up for every frame, or once in the frame in which it is frozen.
+    pub fn cast(
+        &self,
+        recipe: &Recipe,
+        frozen: Option<usize>,
+        transport: Option<&Transport>,
+        gpu: Option<&GpuBench>,
+    ) -> Result<Cast, CandidateError> {
+        let prepare = |block: &Block| block.prepare(recipe, transport, gpu);
+        let frames = match frozen {
+            Some(frame) => vec![prepare(&self.frames[frame])?],
+            None => self.frames.iter().map(prepare).collect::<Result<_, _>>()?,
+        };
+        Ok(Cast { frames, frozen: frozen.is_some() })
+    }
+
+    /// Every metric of a candidate that was set up: all frames and receivers pooled, and each.
+    pub fn judge(&self, recipe: &Recipe, cast: &Cast) -> Result<Findings, CandidateError> {
+        let order = recipe.rig.is_some().then_some(recipe.order);
+        let values: Vec<Vec<Vec<Rgb<f64>>>> = self
+            .frames
+            .iter()
+            .enumerate()
+            .map(|(frame, block)| {
+                let lit = cast.frame(frame);
+                block.parts.iter().zip(lit).map(|(part, lit)| lit.irradiance(&part.points)).collect()
+            })
+            .collect::<Result<_, CandidateError>>()?;
+        let first = &self.frames[0];
+        let everything: Vec<(usize, usize)> =
+            (0..self.frames.len()).flat_map(|f| (0..first.parts.len()).map(move |p| (f, p))).collect();
+        let counts: Vec<Counts> =
+            cast.frames.iter().filter_map(|lit| lit.iter().map(|l| l.counts()).reduce(Counts::and)).collect();
+        let mut findings = Findings {
+            pooled: self.scores(&everything, &values, order),
+            // costs are those of one frame; what is dropped as singular is counted over all
+            counts: Counts {
+                singular: counts.iter().map(|c| c.singular).sum(),
+                ..counts.first().copied().unwrap_or_default()
+            },
+            non_finite: values.iter().flatten().flatten().filter(|v| !v.is_finite()).count() as u64,
+            vertices: first.parts.iter().map(|p| p.vertices as u64).sum(),
+            ..Findings::default()
+        };
+        if first.parts.len() > 1 {
+            for (index, part) in first.parts.iter().enumerate() {
+                let chosen: Vec<(usize, usize)> = (0..self.frames.len()).map(|f| (f, index)).collect();
+                findings.receivers.insert(part.receiver.clone(), self.scores(&chosen, &values, order));
+            }
+        }
+        if self.frames.len() > 1 {
+            for frame in 0..self.frames.len() {
+                let chosen: Vec<(usize, usize)> = (0..first.parts.len()).map(|p| (frame, p)).collect();
+                findings.frames.push(self.scores(&chosen, &values, order));
+            }
+            findings.pooled.values.insert("jump".to_owned(), self.jump(&values));
+        }
+        Ok(findings)
+    }
+
+    /// What the references simulated.
+    pub fn counters(&self) -> Counters {
+        self.frames.iter().flat_map(|block| &block.parts).map(|part| part.reference.counters).sum()
+    }
+
+    /// The largest change of a point's error from one frame to the next, over RMS(reference): motion that the reference does
+    /// not have.
+    fn jump(&self, values: &[Vec<Vec<Rgb<f64>>>]) -> f64 {
+        let error = |frame: usize, part: usize, point: usize| {
+            values[frame][part][point] - self.frames[frame].parts[part].reference.irradiance[point]
+        };
+        let mut largest = 0.0f64;
+        for frame in 1..self.frames.len() {
+            for (part, points) in values[frame].iter().enumerate() {
+                for point in 0..points.len() {
+                    largest = largest.max((error(frame, part, point) - error(frame - 1, part, point)).max_abs());
+                }
+            }
+        }
+        let references: Vec<Rgb<f64>> =
+            self.frames.iter().flat_map(|b| b.parts.iter().flat_map(|p| p.reference.irradiance.clone())).collect();
+        let scale = metric::rms(&references);
+        if scale > 0.0 { largest / scale } else { 0.0 }
+    }
+
+    /// Metrics over the (frame, part) pairs chosen.
+    fn scores(&self, pairs: &[(usize, usize)], values: &[Vec<Vec<Rgb<f64>>>], order: Option<usize>) -> Scores {
+        let chosen: Vec<&Part> = pairs.iter().map(|(frame, part)| &self.frames[*frame].parts[*part]).collect();
+        let reference: Vec<Rgb<f64>> = chosen.iter().flat_map(|p| p.reference.irradiance.iter().copied()).collect();
+        let error: Vec<Rgb<f64>> = chosen.iter().flat_map(|p| p.reference.standard_error.iter().copied()).collect();
+        let candidate: Vec<Rgb<f64>> = pairs.iter().flat_map(|(f, p)| values[*f][*p].iter().copied()).collect();
+        let truncated: Option<Vec<Rgb<f64>>> =
+            order.map(|order| chosen.iter().flat_map(|p| p.truncated[&order].iter().copied()).collect());
+        let scored = Scored {
+            reference: &reference,
+            standard_error: (!error.is_empty()).then_some(&error[..]),
+            truncated: truncated.as_deref(),
+            candidate: &candidate,
+        };
+        let mut scores = Scores::default();
+        for (key, result) in metric::measure(&scored) {
+            match result {
+                Ok(score) => {
+                    scores.values.insert(key.to_owned(), score.value);
+                    let informs = metric::metric(key).is_some_and(|m| m.direction == Direction::Informs);
+                    if !score.resolved && !informs {
+                        scores.not_resolved.push(key.to_owned());
+                    }
+                }
+                Err(why) => {
+                    scores.reasons.insert(key.to_owned(), why.to_string());
+                }
+            }
+        }
+        scores
+    }
+}
+
+impl View {
+    /// E of a candidate at every hit; the static environment keeps its reference.
+    pub fn irradiance(&self, lit: &[Box<dyn Lit>]) -> Result<Vec<Rgb<f64>>, CandidateError> {
+        let mut values = self.reference.clone();
+        for (part, lit) in lit.iter().enumerate() {
+            let mine: Vec<usize> = (0..self.hits.len()).filter(|i| self.hits[*i].part == Some(part)).collect();
+            let points: Vec<SurfacePoint> = mine.iter().map(|i| self.hits[*i].point).collect();
+            for (index, value) in mine.into_iter().zip(lit.irradiance(&points)?) {
+                values[index] = value;
+            }
+        }
+        Ok(values)
+    }
+
+    /// The picture that a camera takes: max(0, albedo E / pi) at every hit, black elsewhere.
+    pub fn picture(&self, irradiance: &[Rgb<f64>]) -> Picture {
+        let mut picture = Picture::filled(self.width, self.height, [0.0; 3]);
+        for (hit, e) in self.hits.iter().zip(irradiance) {
+            let radiance = Irradiance(*e).reflected(Rgb::of(hit.albedo)).0;
+            picture.pixels[hit.pixel] = radiance.to_array().map(|v| v as f32);
+        }
+        picture
+    }
+
+    /// The albedo of what the camera sees.
+    pub fn albedo(&self) -> Picture {
+        let mut picture = Picture::filled(self.width, self.height, [0.0; 3]);
+        for hit in &self.hits {
+            picture.pixels[hit.pixel] = hit.albedo.map(|v| v as f32);
+        }
+        picture
+    }
+
+    /// The irradiance itself, as the images keep it.
+    pub fn layer(&self, irradiance: &[Rgb<f64>]) -> Picture {
+        let mut picture = Picture::filled(self.width, self.height, [0.0; 3]);
+        for (hit, e) in self.hits.iter().zip(irradiance) {
+            picture.pixels[hit.pixel] = e.to_array().map(|v| v as f32);
+        }
+        picture
+    }
+}
+
+/// Colours from three numbers each, where there are `count` of them.
+fn colours(flat: &[f64], count: usize) -> Option<Vec<Rgb<f64>>> {
+    (flat.len() == 3 * count).then(|| flat.chunks_exact(3).map(|c| Rgb::new(c[0], c[1], c[2])).collect())
+}

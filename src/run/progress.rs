@@ -1,0 +1,53 @@
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// How often a line is printed where there is no terminal.
+const LINE_EVERY: Duration = Duration::from_secs(5);
+
+/// Progress of a phase with the time that is left: a bar on a terminal, a plain line now and then elsewhere. On stderr.
+pub struct Progress {
+    bar: ProgressBar,
+    phase: String,
+    plain: Option<Instant>,
+    start: Instant,
+}
+
+impl Progress {
+    pub fn new(phase: &str, steps: u64) -> Self {
+        let bar = ProgressBar::with_draw_target(Some(steps), ProgressDrawTarget::stderr());
+        let plain = bar.is_hidden().then(Instant::now);
+        let style = ProgressStyle::with_template("{prefix:>12} [{bar:32}] {pos}/{len} {eta} left  {msg}");
+        bar.set_style(style.expect("the template is fixed").progress_chars("=> "));
+        bar.set_prefix(phase.to_owned());
+        if plain.is_some() && steps > 0 {
+            eprintln!("{phase}: {steps} to do");
+        }
+        Self { bar, phase: phase.to_owned(), plain, start: Instant::now() }
+    }
+
+    pub fn step(&mut self, message: &str) {
+        self.bar.inc(1);
+        match &mut self.plain {
+            None => self.bar.set_message(message.to_owned()),
+            Some(last) if last.elapsed() >= LINE_EVERY => {
+                *last = Instant::now();
+                let (done, all) = (self.bar.position(), self.bar.length().unwrap_or(0));
+                let left = self.start.elapsed().as_secs_f64() / done as f64 * all.saturating_sub(done) as f64;
+                eprintln!("{}: {done}/{all}, about {left:.0} s left  {message}", self.phase);
+            }
+            Some(_) => {}
+        }
+    }
+
+    /// A line above the bar.
+    pub fn say(&self, line: &str) {
+        self.bar.suspend(|| eprintln!("{line}"));
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
