@@ -64,11 +64,8 @@ impl Run {
         }
         interrupt::install().map_err(Failure::internal)?;
         let store = Store::at(&self.out.clone().unwrap_or_else(|| experiment.results_folder()));
-        let options = SweepOptions {
-            force: self.force,
-            fail_fast: self.fail_fast,
-            gpu_demanded: backend == Some(Backend::Gpu),
-        };
+        let options =
+            SweepOptions { force: self.force, fail_fast: self.fail_fast, gpu_demanded: backend == Some(Backend::Gpu) };
         let swept = match sweep(&experiment, chosen, &store, options) {
             Ok(swept) => swept,
             Err(SweepError::NoGpu(why)) => return Err(Failure::new(Exit::NoGpu, why)),

@@ -108,6 +108,18 @@ pub const COLUMNS: &[Column] = &[
     column("flip_hdr", "", Quality, "mean HDR FLIP of the picture, for rows of the Pareto front"),
     column("singular", "", Quality, "terms dropped because a place is singular for a light"),
     column("condition", "", Quality, "condition number of the system that the fit solved"),
+    column(
+        "jump",
+        "",
+        Quality,
+        "largest change of a point's error between two frames, over the root mean square of the reference",
+    ),
+    column("non_finite", "", Quality, "values of the candidate that are not finite"),
+    column("shadow_rays", "", Circumstance, "shadow rays that were traced for reference and probes"),
+    column("closest_rays", "", Circumstance, "rays for the nearest surface that were traced for reference and probes"),
+    column("bounces", "", Circumstance, "reflections that were simulated for reference and probes"),
+    column("emitter_samples", "", Circumstance, "samples of emissive geometry for reference and probes"),
+    column("wrap_evaluations", "", Circumstance, "evaluations of a wrap lobe for the reference"),
     column("note", "", Circumstance, "why a value is missing or not resolved, why a run failed or was skipped"),
 ];
 

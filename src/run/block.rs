@@ -162,9 +162,8 @@ impl Block {
                     computed.irradiance.clone()
                 });
                 if sampled.is_some() {
-                    standard_error = known(format!("{index}.standard_error"), points.len(), &mut || {
-                        computed.standard_error.clone()
-                    });
+                    standard_error =
+                        known(format!("{index}.standard_error"), points.len(), &mut || computed.standard_error.clone());
                 }
             }
             let truncated = orders
@@ -183,13 +182,19 @@ impl Block {
                 wrap: receiver.material.wrap,
                 vertices: receiver.vertex_count(),
                 points,
-                reference: Reference { irradiance, standard_error, singular: computed.singular, counters: computed.counters },
+                reference: Reference {
+                    irradiance,
+                    standard_error,
+                    singular: computed.singular,
+                    counters: computed.counters,
+                },
                 truncated,
             });
         }
         let view = image.filter(|_| scene.camera.is_some()).map(|(width, height)| {
             let pixels = Pixels::cast(scene, frame, width, height);
-            let part_of = |receiver: u16| parts.iter().position(|p| p.receiver == scene.receivers[receiver as usize].name);
+            let part_of =
+                |receiver: u16| parts.iter().position(|p| p.receiver == scene.receivers[receiver as usize].name);
             let hits: Vec<ViewHit> = pixels
                 .hits
                 .iter()
@@ -243,7 +248,6 @@ impl Block {
             })
             .collect()
     }
-
 }
 
 /// The blocks of all frames of a scene under one layout; one block where nothing moves.

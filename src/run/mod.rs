@@ -11,8 +11,8 @@ mod sweep;
 mod timing;
 
 pub use arrays::{ArrayCache, Arrays};
+pub use block::{Findings, Scores};
 pub use disk::{Lock, StoreError, write_atomic};
 pub use store::{Change, Claim, Reason, Record, RunWriter, Store};
-pub use block::{Findings, Scores};
 pub use sweep::{Ending, Run, Sweep, SweepError, SweepOptions, sweep};
 pub use timing::Times;

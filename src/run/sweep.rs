@@ -9,7 +9,7 @@ use serde_json::json;
 use super::block::{Block, BlockRequest, Film, Findings, Sampling};
 use super::progress::Progress;
 use super::timing::{Times, time_block};
-use super::{ArrayCache, Claim, Reason, Store, StoreError, interrupt};
+use super::{ArrayCache, Claim, Store, StoreError, interrupt};
 use crate::candidate::{Arithmetic, GpuBench, Probes, Recipe};
 use crate::cost::processor_name;
 use crate::experiment::{
@@ -263,7 +263,10 @@ fn numbers(
             let ending = ending?;
             let label = runs[index].candidate.label();
             if let Ending::Failed(why) = &ending {
-                progress.say(&format!("failed: {label}: {why} (log: {})", store.folder(&runs[index].identity.key()).join("log.txt").display()));
+                progress.say(&format!(
+                    "failed: {label}: {why} (log: {})",
+                    store.folder(&runs[index].identity.key()).join("log.txt").display()
+                ));
             }
             let failed = matches!(ending, Ending::Failed(_));
             runs[index].ending = ending;
@@ -481,8 +484,7 @@ fn times(
         let film = stage.film(experiment, first, Vec::new(), None, false, cache);
         let frame = &film.frames[first.freeze_frame().unwrap_or(0)];
         let transport = stage.is_sampled().then(|| stage.transport(&frame.lights));
-        let recipes: Vec<Recipe> =
-            block.iter().map(|i| recipe_of(&runs[*i].candidate, experiment.seed)).collect();
+        let recipes: Vec<Recipe> = block.iter().map(|i| recipe_of(&runs[*i].candidate, experiment.seed)).collect();
         let label = format!("{} {}", first.scene.name, first.lights.name());
         let timed = time_block(
             frame,
@@ -530,9 +532,7 @@ fn fronts(runs: &mut [Run]) {
                 })
                 .collect();
             for (index, cost, error) in &points {
-                let dominated = points
-                    .iter()
-                    .any(|(_, c, e)| c <= cost && e <= error && (c < cost || e < error));
+                let dominated = points.iter().any(|(_, c, e)| c <= cost && e <= error && (c < cost || e < error));
                 if !dominated {
                     runs[*index].fronts.push(metric);
                 }
@@ -571,9 +571,7 @@ fn images(
         let kept = cache.load(&hdr_key(run));
         run.flip_hdr = kept.and_then(|arrays| arrays.get("flip_hdr").and_then(|values| values.first().copied()));
     }
-    let is_done = |run: &Run| {
-        store.has_image(&run.identity.key()) && (run.fronts.is_empty() || run.flip_hdr.is_some())
-    };
+    let is_done = |run: &Run| store.has_image(&run.identity.key()) && (run.fronts.is_empty() || run.flip_hdr.is_some());
     let wanted: Vec<Vec<usize>> = blocks(runs)
         .into_iter()
         .map(|block| block.into_iter().filter(|i| keep[*i] && !is_done(&runs[*i])).collect::<Vec<_>>())
@@ -628,10 +626,8 @@ fn images(
                 Ok(hdr) => {
                     runs[index].flip_hdr = hdr;
                     if let Some(value) = hdr {
-                        let arrays = super::Arrays {
-                            notes: json!(null),
-                            arrays: vec![("flip_hdr".to_owned(), vec![value])],
-                        };
+                        let arrays =
+                            super::Arrays { notes: json!(null), arrays: vec![("flip_hdr".to_owned(), vec![value])] };
                         cache.store(&hdr_key(&runs[index]), &arrays)?;
                     }
                 }
