@@ -25,4 +25,5 @@ pub mod gpu;
 pub mod reference;
 pub mod candidate;
 pub mod run;
+pub mod figure;
 pub mod cli;

@@ -1,0 +1,57 @@
+//! Figures: SVG and PNG from one list of shapes, each with the CSV of exactly what it shows. They are drawn from exported data
+//! alone, so that anyone can draw them again.
+
+pub mod colour_map;
+pub mod contact_sheet;
+pub mod curves;
+pub mod dots;
+pub mod drawing;
+pub mod fronts;
+pub mod heat_map;
+pub mod label;
+pub mod panel;
+pub mod pareto;
+mod raster;
+pub mod scale;
+pub mod split;
+pub mod style;
+mod svg;
+pub mod table;
+
+use std::io;
+use std::path::Path;
+
+use crate::output::write_whole;
+use drawing::Drawing;
+use table::Table;
+
+/// A drawing and the data that it was made of.
+#[derive(Clone, Debug)]
+pub struct Figure {
+    pub drawing: Drawing,
+    pub data: Table,
+}
+
+impl Figure {
+    pub fn svg(&self) -> String {
+        svg::svg(&self.drawing)
+    }
+
+    pub fn png(&self) -> Vec<u8> {
+        raster::png(&self.drawing, style::PNG_SCALE)
+    }
+
+    /// Writes NAME.svg, NAME.png and NAME.csv; nothing where the three are there and the drawing is the same.
+    pub fn write(&self, folder: &Path, name: &str) -> io::Result<()> {
+        let file = |extension: &str| folder.join(format!("{name}.{extension}"));
+        let (svg, csv) = (self.svg(), self.data.to_csv());
+        let same = |extension: &str, text: &str| std::fs::read(file(extension)).is_ok_and(|b| b == text.as_bytes());
+        if same("svg", &svg) && same("csv", &csv) && file("png").exists() {
+            return Ok(());
+        }
+        // the SVG last: it is what says that the others are made
+        write_whole(&file("csv"), csv.as_bytes())?;
+        write_whole(&file("png"), &self.png())?;
+        write_whole(&file("svg"), svg.as_bytes())
+    }
+}
