@@ -86,10 +86,10 @@ struct Tally {
     /// Of the mean.
     variance: Vec<f64>,
     samples: u64,
-    /// Mean of what was blocked, and how often something was and was not.
+    /// Mean of what would have arrived, had it not been blocked.
     hidden: Vec<f64>,
-    blocked: u64,
-    open: u64,
+    /// Samples from which something arrived, or would have.
+    events: u64,
     /// One sample is the value.
     single: bool,
 }
@@ -107,16 +107,23 @@ struct Progress {
 impl Tally {
     fn new(component: Component, width: usize, single: bool) -> Self {
         let zeros = vec![0.0; width];
-        Self {
-            component,
-            mean: zeros.clone(),
-            variance: zeros.clone(),
-            samples: 0,
-            hidden: zeros,
-            blocked: 0,
-            open: 0,
-            single,
+        Self { component, mean: zeros.clone(), variance: zeros.clone(), samples: 0, hidden: zeros, events: 0, single }
+    }
+
+    /// Variance of number `k` of the mean: that of the batches, and that of one typical event more or less, of which a sample
+    /// cannot know (an obstacle or a gap that none of its rays met). `typical` is an event's size where there was none; a light of
+    /// the layout of which no sample lies above the horizon is below it.
+    fn variance_of(&self, k: usize, typical: f64) -> f64 {
+        if self.single || self.samples == 0 {
+            return self.variance[k];
         }
+        let samples = self.samples as f64;
+        let event = match self.events {
+            0 if matches!(self.component, Component::Light(_)) => 0.0,
+            0 => typical,
+            events => (self.mean[k] + self.hidden[k]) * samples / events as f64,
+        };
+        self.variance[k] + (event / samples).powi(2)
     }
 }
 
@@ -146,10 +153,9 @@ impl Progress {
             for sample in 0..size {
                 let mut sampler = Sampler::new(batch_key, sample as u32);
                 let (arrival, blocked) = transport.sample(tally.component, p, gather, &mut sampler, &mut self.counters);
-                if let Some(arrival) = arrival {
+                if let Some(arrival) = arrival.filter(|arrival| arrival.weight.max_abs() > 0.0) {
                     gather.add(if blocked { &mut hidden } else { &mut sum }, &arrival, &mut self.counters);
-                    tally.blocked += u64::from(blocked);
-                    tally.open += u64::from(!blocked);
+                    tally.events += 1;
                 }
             }
             for k in 0..width {
@@ -179,13 +185,17 @@ impl Progress {
         tally.samples += taken;
     }
 
-    fn sum_of(&self, index: usize, numbers: impl Fn(&Tally) -> &[f64]) -> f64 {
-        self.tallies.iter().map(|tally| numbers(tally)[index]).sum()
+    fn mean_of(&self, k: usize) -> f64 {
+        self.tallies.iter().map(|tally| tally.mean[k]).sum()
+    }
+
+    fn variance_of(&self, k: usize, typical: f64) -> f64 {
+        self.tallies.iter().map(|tally| tally.variance_of(k, typical)).sum()
     }
 
     /// The channels' scale: irradiance, or the coefficient of degree 0.
     fn scale(&self) -> [f64; 3] {
-        std::array::from_fn(|channel| self.sum_of(channel, |t| &t.mean).abs())
+        std::array::from_fn(|channel| self.mean_of(channel).abs())
     }
 
     /// Refines the component that has most of the error until the error is small enough.
@@ -205,16 +215,19 @@ impl Progress {
                 std::array::from_fn(|c| (relative * scale[c].max(DARK_SHARE * mean[c].abs())).powi(2));
             // the number that is furthest from what is allowed
             let worst = (0..gather.tested())
-                .map(|k| (k, self.sum_of(k, |t| &t.variance), allowed[k % 3]))
+                .map(|k| (k, self.variance_of(k, mean[k % 3]), allowed[k % 3]))
                 .filter(|(_, variance, allowed)| variance > allowed)
                 .max_by(|x, y| (x.1 / x.2).total_cmp(&(y.1 / y.2)));
             let Some((number, ..)) = worst else { return };
             let next = (0..self.tallies.len())
                 .filter(|index| {
                     let tally = &self.tallies[*index];
-                    !tally.single && tally.variance[number] > 0.0 && tally.samples < most_samples
+                    !tally.single && tally.samples < most_samples
                 })
-                .max_by(|x, y| self.tallies[*x].variance[number].total_cmp(&self.tallies[*y].variance[number]));
+                .max_by(|x, y| {
+                    let variance = |index: &usize| self.tallies[*index].variance_of(number, mean[number % 3]);
+                    variance(x).total_cmp(&variance(y))
+                });
             let Some(index) = next else { return };
             if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
                 return;
@@ -224,25 +237,21 @@ impl Progress {
         }
     }
 
-    /// Value and standard error. Where every sample of a component was blocked, or none, the sample has not seen what share of
-    /// it is otherwise; that share may be one in so many, and the error says so.
-    fn numbers(&self, transport: &Transport, width: usize) -> (Vec<f64>, Vec<f64>) {
-        let mut value = vec![0.0; width];
-        let mut variance = vec![0.0; width];
-        for tally in &self.tallies {
-            let unseen = !tally.single
-                && transport.is_blocked_or_not(tally.component)
-                && (tally.blocked == 0) != (tally.open == 0);
-            for k in 0..width {
-                value[k] += tally.mean[k];
-                variance[k] += tally.variance[k];
-                if unseen {
-                    variance[k] += ((tally.mean[k] + tally.hidden[k]) / tally.samples as f64).powi(2);
-                }
-            }
-        }
-        (value, variance.into_iter().map(f64::sqrt).collect())
+    /// Values and standard errors.
+    fn numbers(&self, width: usize, mean: [f64; 3]) -> (Vec<f64>, Vec<f64>) {
+        (0..width).map(|k| (self.mean_of(k), self.variance_of(k, mean[k % 3]).sqrt())).unzip()
     }
+}
+
+/// Mean over the places of the channels' scales.
+fn mean_scale(progress: &[Progress]) -> [f64; 3] {
+    let mut mean = [0.0; 3];
+    for scale in progress.iter().map(Progress::scale) {
+        for channel in 0..3 {
+            mean[channel] += scale[channel] / progress.len() as f64;
+        }
+    }
+    mean
 }
 
 impl Transport<'_> {
@@ -263,12 +272,7 @@ impl Transport<'_> {
             })
             .collect();
         if let Effort::Error { relative, most_samples, deadline } = effort {
-            let mut mean = [0.0; 3];
-            for scale in progress.iter().map(Progress::scale) {
-                for channel in 0..3 {
-                    mean[channel] += scale[channel] / progress.len() as f64;
-                }
-            }
+            let mean = mean_scale(&progress);
             progress.par_iter_mut().zip(receivers).for_each(|(progress, (p, gather, _))| {
                 progress.refine_until(self, *p, gather, relative, most_samples, deadline, mean);
             });
@@ -276,15 +280,19 @@ impl Transport<'_> {
         progress
     }
 
-    fn finish<V>(&self, progress: &Progress, width: usize, read: impl Fn(&[f64]) -> V) -> Estimate<V> {
-        let (value, error) = progress.numbers(self, width);
-        Estimate {
-            value: read(&value),
-            standard_error: read(&error),
-            samples: progress.tallies.iter().map(|t| t.samples).max().unwrap_or(0),
-            singular: progress.singular,
-            counters: progress.counters,
-        }
+    fn finish<V>(progress: &[Progress], width: usize, read: impl Fn(&[f64]) -> V) -> Vec<Estimate<V>> {
+        let mean = mean_scale(progress);
+        let finished = |progress: &Progress| {
+            let (value, error) = progress.numbers(width, mean);
+            Estimate {
+                value: read(&value),
+                standard_error: read(&error),
+                samples: progress.tallies.iter().map(|t| t.samples).max().unwrap_or(0),
+                singular: progress.singular,
+                counters: progress.counters,
+            }
+        };
+        progress.iter().map(finished).collect()
     }
 
     /// E at surface points under a lobe, W m^-2.
@@ -307,8 +315,7 @@ impl Transport<'_> {
                 (p, IrradianceGather { point, lobe }, key)
             })
             .collect();
-        let read = |v: &[f64]| Rgb::new(v[0], v[1], v[2]);
-        self.run(&receivers, effort).iter().map(|progress| self.finish(progress, 3, read)).collect()
+        Self::finish(&self.run(&receivers, effort), 3, |v| Rgb::new(v[0], v[1], v[2]))
     }
 
     /// SH radiance coefficients of order `order` at points of space, with their derivatives if `gradient` says so.
@@ -331,10 +338,7 @@ impl Transport<'_> {
                 })
                 .collect();
             let width = receivers.first().map_or(0, |(_, gather, _)| gather.width());
-            self.run(&receivers, effort)
-                .iter()
-                .map(|progress| self.finish(progress, width, |numbers| Projected::from_numbers(numbers, C)))
-                .collect()
+            Self::finish(&self.run(&receivers, effort), width, |numbers| Projected::from_numbers(numbers, C))
         })
     }
 }

@@ -25,11 +25,11 @@ pub(super) struct Arrival {
 pub(super) enum Origin {
     /// So far away that moving the receiver changes nothing.
     Distant,
-    /// A place without extent, or on a line: the weight goes with 1/distance^2.
-    Place { distance: f64 },
-    /// A surface whose unit normal, turned to the receiver, is `normal`: the weight goes with cos/distance^2.
-    /// `drawn` says whether its place was drawn over the surface and not by direction.
+    /// A fixed place of a surface whose unit normal, turned to the receiver, is `normal`: the weight goes with cos/distance^2.
+    /// `drawn` says whether the place was drawn over the surface and not by direction.
     Surface { distance: f64, normal: DVec3, drawn: bool },
+    /// A sample whose direction and weight change so much, a metre along x, y and z, when the numbers that it was drawn with stay.
+    Drawn { direction_slopes: [DVec3; 3], weight_slopes: [Rgb<f64>; 3] },
 }
 
 /// What a receiver makes of arriving light.
@@ -44,6 +44,10 @@ pub(super) trait Gather: Sync {
     fn pdf(&self, direction: DVec3) -> f64;
     /// Whether light from there counts at all.
     fn sees(&self, direction: DVec3) -> bool;
+    /// Whether it wants to know how light changes with the receiver's position.
+    fn wants_slopes(&self) -> bool {
+        false
+    }
     /// The surface from which rays must keep clear, by its normal.
     fn normal(&self) -> Option<DVec3>;
     fn add(&self, sum: &mut [f64], arrival: &Arrival, counters: &mut Counters);
@@ -104,8 +108,9 @@ impl Gather for IrradianceGather<'_> {
 /// SH radiance coefficients at a point of space: `C` values, and their derivatives along x, y and z where `gradient` says so.
 ///
 /// The derivative holds visibility and the light that each seen place sends fixed (Annen et al. 2004):
-/// grad L_i = integral of L (1/r) (Y_i (3 w + m/cos) - grad_S Y_i) dw for a surface with normal m, (2 w) instead of the
-/// bracket's first part for a place without extent, 0 for distant light.
+/// grad L_i = integral of L (1/r) (Y_i (3 w + m/cos) - grad_S Y_i) dw for a surface with normal m, 0 for distant light.
+/// For lights of the layout, which are drawn by solid angle, 1/cos would have unbounded variance: there the sample itself is
+/// differentiated, grad (weight Y_i(w)) with the numbers held with which it was drawn.
 /// Layout: `[(block * C + coefficient) * 3 + channel]`, block 0 the value, 1 to 3 the derivatives.
 pub(super) struct ProjectionGather<const C: usize> {
     pub gradient: bool,
@@ -130,6 +135,9 @@ impl<const C: usize> Gather for ProjectionGather<C> {
     fn sees(&self, _direction: DVec3) -> bool {
         true
     }
+    fn wants_slopes(&self) -> bool {
+        self.gradient
+    }
     #[inline]
     fn normal(&self) -> Option<DVec3> {
         None
@@ -138,20 +146,8 @@ impl<const C: usize> Gather for ProjectionGather<C> {
     fn add(&self, sum: &mut [f64], arrival: &Arrival, counters: &mut Counters) {
         let w = arrival.direction;
         let weight = arrival.weight.to_array();
-        let (inverse, stretch) = match arrival.origin {
-            _ if !self.gradient => (0.0, DVec3::ZERO),
-            Origin::Distant => (0.0, DVec3::ZERO),
-            Origin::Place { distance } => (1.0 / distance, 2.0 * w),
-            Origin::Surface { distance, normal, drawn } => {
-                let cosine = -normal.dot(w);
-                let least = if drawn { 0.0 } else { SILHOUETTE_COSINE };
-                counters.gradient_terms += 1;
-                counters.clamped_gradients += u64::from(cosine < least);
-                (1.0 / distance, 3.0 * w + normal / cosine.max(least))
-            }
-        };
         let (sum, _) = sum.as_chunks_mut::<3>();
-        if inverse == 0.0 {
+        if !self.gradient || matches!(arrival.origin, Origin::Distant) {
             for (s, y) in sum[..C].iter_mut().zip(basis::<f64, C>(Vector3::of(w))) {
                 for channel in 0..3 {
                     s[channel] += weight[channel] * y;
@@ -161,16 +157,42 @@ impl<const C: usize> Gather for ProjectionGather<C> {
         }
         let (values, gradients) = basis_gradient::<f64, C>(Vector3::of(w));
         let (value_sum, slopes) = sum[..4 * C].split_at_mut(C);
-        let (x_sum, rest) = slopes.split_at_mut(C);
-        let (y_sum, z_sum) = rest.split_at_mut(C);
-        for i in 0..C {
-            let g = gradients[i].to_double();
-            let slope = (values[i] * stretch - (g - g.dot(w) * w)) * inverse;
+        for (s, y) in value_sum.iter_mut().zip(&values) {
             for channel in 0..3 {
-                value_sum[i][channel] += weight[channel] * values[i];
-                x_sum[i][channel] += weight[channel] * slope.x;
-                y_sum[i][channel] += weight[channel] * slope.y;
-                z_sum[i][channel] += weight[channel] * slope.z;
+                s[channel] += weight[channel] * y;
+            }
+        }
+        match &arrival.origin {
+            Origin::Distant => {}
+            Origin::Surface { distance, normal, drawn } => {
+                let cosine = -normal.dot(w);
+                let least = if *drawn { 0.0 } else { SILHOUETTE_COSINE };
+                counters.gradient_terms += 1;
+                counters.clamped_gradients += u64::from(cosine < least);
+                let inverse = 1.0 / distance;
+                let stretch = 3.0 * w + *normal / cosine.max(least);
+                let (x_sum, rest) = slopes.split_at_mut(C);
+                let (y_sum, z_sum) = rest.split_at_mut(C);
+                for i in 0..C {
+                    let g = gradients[i].to_double();
+                    let slope = (values[i] * stretch - (g - g.dot(w) * w)) * inverse;
+                    for channel in 0..3 {
+                        x_sum[i][channel] += weight[channel] * slope.x;
+                        y_sum[i][channel] += weight[channel] * slope.y;
+                        z_sum[i][channel] += weight[channel] * slope.z;
+                    }
+                }
+            }
+            Origin::Drawn { direction_slopes, weight_slopes } => {
+                for (axis, block) in slopes.chunks_exact_mut(C).enumerate() {
+                    let (turn, growth) = (direction_slopes[axis], weight_slopes[axis].to_array());
+                    for i in 0..C {
+                        let slope = gradients[i].to_double().dot(turn);
+                        for channel in 0..3 {
+                            block[i][channel] += weight[channel] * slope + growth[channel] * values[i];
+                        }
+                    }
+                }
             }
         }
     }

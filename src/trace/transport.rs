@@ -17,6 +17,8 @@ use crate::math::{Rgb, Vector3};
 const ROULETTE_FROM: u32 = 4;
 /// No path survives a roulette with a higher probability, so that it ends even where every albedo is 1.
 const HIGHEST_SURVIVAL: f64 = 0.98;
+/// A change of a sample's direction, of 1e-7 to be expected, that is none of its slope.
+const JUMP: f64 = 1e-4;
 
 /// The static environment, ready for rays.
 #[derive(Debug)]
@@ -167,16 +169,6 @@ impl<'a> Transport<'a> {
         }
     }
 
-    /// The radiance of a component's samples does not vary with what stands in the way.
-    pub(super) fn is_blocked_or_not(&self, component: Component) -> bool {
-        self.effects.shadows
-            && match component {
-                Component::Light(_) => true,
-                Component::Emitters => true,
-                Component::Directions => self.effects.bounces.is_none(),
-            }
-    }
-
     /// One sample of a component at `p`. The flag says whether something blocked it.
     #[inline]
     pub(super) fn sample(
@@ -192,9 +184,7 @@ impl<'a> Transport<'a> {
             None => p,
         };
         let arrival = match component {
-            Component::Light(index) => {
-                self.light_arrival(index, p, sampler.pair()).map(|(arrival, distance)| (arrival, Some(distance)))
-            }
+            Component::Light(index) => self.light_arrival(index, p, sampler.pair(), gather.wants_slopes()),
             Component::Emitters => {
                 return self.emitter_arrival(p, start, gather, sampler.pair(), counters);
             }
@@ -207,11 +197,11 @@ impl<'a> Transport<'a> {
                     return (self.along(start, direction, pdf, sampler, counters), false);
                 }
                 let weight = self.surroundings * (1.0 / pdf);
-                Some((Arrival { direction, weight, origin: Origin::Distant }, Some(f64::INFINITY)))
+                Some((Arrival { direction, weight, origin: Origin::Distant }, f64::INFINITY))
             }
         };
         match arrival {
-            Some((arrival, Some(distance))) if gather.sees(arrival.direction) => {
+            Some((arrival, distance)) if gather.sees(arrival.direction) => {
                 if self.effects.shadows {
                     counters.shadow_rays += 1;
                     if self.tracer.visibility.occluded(start, arrival.direction, distance) {
@@ -226,16 +216,33 @@ impl<'a> Transport<'a> {
 
     /// A sample of a light of the layout as seen from `p`, with the distance within which it may be blocked.
     #[inline]
-    fn light_arrival(&self, index: usize, p: DVec3, u: [f64; 2]) -> Option<(Arrival, f64)> {
-        let sample = self.lights[index].sample(Vector3::of(p), u)?;
-        let direction = sample.direction.to_double();
-        let distance = sample.distance;
-        let origin = match sample.normal {
-            _ if distance.is_infinite() => Origin::Distant,
-            None => Origin::Place { distance },
-            Some(normal) => Origin::Surface { distance, normal: normal.to_double(), drawn: true },
+    fn light_arrival(&self, index: usize, p: DVec3, u: [f64; 2], slopes: bool) -> Option<(Arrival, f64)> {
+        let light = &self.lights[index];
+        let sample = light.sample(Vector3::of(p), u)?;
+        let (direction, weight) = (sample.direction.to_double(), sample.weight);
+        let origin = match slopes && sample.distance.is_finite() {
+            false => Origin::Distant,
+            true => {
+                // one-sided differences: 1e-7 of the distance keeps truncation and rounding near 1e-8
+                let step = 1e-7 * sample.distance;
+                let mut direction_slopes = [DVec3::ZERO; 3];
+                let mut weight_slopes = [Rgb::zero(); 3];
+                for axis in 0..3 {
+                    // where a light's way of drawing jumps (its frame may), the other side does not
+                    for step in [step, -step] {
+                        let moved = light.sample(Vector3::of(p + DVec3::AXES[axis] * step), u)?;
+                        let turn = moved.direction.to_double() - direction;
+                        if turn.length_squared() < JUMP * JUMP {
+                            direction_slopes[axis] = turn / step;
+                            weight_slopes[axis] = (moved.weight - weight) * (1.0 / step);
+                            break;
+                        }
+                    }
+                }
+                Origin::Drawn { direction_slopes, weight_slopes }
+            }
         };
-        Some((Arrival { direction, weight: sample.weight, origin }, distance))
+        Some((Arrival { direction, weight, origin }, sample.distance))
     }
 
     /// A sample of emissive geometry, weighed against the receiver's own directions by the power heuristic.
@@ -381,7 +388,7 @@ impl<'a> Transport<'a> {
                 1 => (0, 1.0),
                 _ => self.choice.draw(vertex.position, sampler.one()),
             };
-            if let Some((arrival, distance)) = self.light_arrival(index, vertex.position, u) {
+            if let Some((arrival, distance)) = self.light_arrival(index, vertex.position, u, false) {
                 let cosine = vertex.normal.dot(arrival.direction);
                 if cosine > 0.0 {
                     counters.shadow_rays += 1;
