@@ -5,6 +5,8 @@
 mod device;
 #[path = "gpu/evaluation.rs"]
 mod evaluation;
+#[path = "gpu/lights.rs"]
+mod lights;
 #[path = "gpu/timing.rs"]
 mod timing;
 #[path = "gpu/volume.rs"]

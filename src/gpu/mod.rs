@@ -7,6 +7,7 @@
 //! A software adapter gives the same answers within rounding; its timings are no GPU timings, and its label says so.
 
 mod device;
+mod direct;
 mod evaluate;
 mod expression;
 mod pass;
@@ -16,6 +17,7 @@ mod timing;
 mod volume;
 
 pub use device::{AdapterDescription, AdapterKind, Gpu, GpuError, GpuFeatures, GpuLimits, NoGpu};
+pub use direct::DirectEvaluator;
 pub use evaluate::{Evaluator, PreparedEvaluation};
 pub use expression::WgslExpression;
 pub use shader::ShaderText;

@@ -11,12 +11,14 @@ mod disk;
 mod file;
 mod integral;
 mod point;
+mod shader;
 mod sphere;
 
 pub use constant::{Constant, ConstantFile};
 pub use directional::{Directional, DirectionalFile};
 pub use disk::{Disk, DiskFile};
 pub use point::{Point, PointFile};
+pub use shader::{LightRows, lights_wgsl, shader_kinds};
 pub use sphere::{Sphere, SphereFile};
 
 use std::ops::Range;

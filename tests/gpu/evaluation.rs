@@ -115,7 +115,7 @@ fn every_rig_agrees_with_its_wgsl_twin() {
 }
 
 /// Every number of a WGSL text, changed by itself: one part in a thousand, or 0 to 0.001.
-fn broken_texts(text: &str) -> Vec<(String, String)> {
+pub fn broken_texts(text: &str) -> Vec<(String, String)> {
     let bytes = text.as_bytes();
     let mut broken = Vec::new();
     let mut i = 0;

@@ -1,0 +1,71 @@
+use std::time::Duration;
+
+use super::pass::{Parameters, PointPass};
+use super::{Gpu, GpuError, PreparedEvaluation, ShaderText};
+use crate::light::{Light, LightRows, lights_wgsl};
+use crate::math::Rgb;
+use crate::rig::LocalPoints;
+use crate::sh::Lobe;
+
+/// `direct`: no rig, every light at every point, compiled for the kinds of lights that occur and for one lobe.
+#[derive(Clone, Debug)]
+pub struct DirectEvaluator {
+    gpu: Gpu,
+    pass: PointPass,
+    kinds: Vec<&'static str>,
+}
+
+impl DirectEvaluator {
+    /// For the kinds that occur among `lights`.
+    pub fn new(gpu: &Gpu, lights: &[Light<f32>], lobe: &Lobe<f32>) -> Result<Self, GpuError> {
+        let kinds = rows(lights)?.kinds;
+        Self::with_model(gpu, lights, &lights_wgsl(&kinds, lobe))
+    }
+
+    /// With another model than [`lights_wgsl`]: for tests that break it.
+    pub fn with_model(gpu: &Gpu, lights: &[Light<f32>], model: &str) -> Result<Self, GpuError> {
+        let kinds = rows(lights)?.kinds;
+        let text = ShaderText::new().with_points().with(model).with(include_str!("passes/direct.wgsl"));
+        Ok(Self { gpu: gpu.clone(), pass: PointPass::new(gpu, "direct", text, Parameters::Buffer)?, kinds })
+    }
+
+    /// What compiling the pipeline took: part of `once_us`.
+    pub fn once(&self) -> Duration {
+        self.pass.once
+    }
+
+    /// E at every point. Lights and points are about one origin: the points' `q` are positions here, in the axes of the lights.
+    pub fn evaluate(&self, lights: &[Light<f32>], points: &LocalPoints<f32>) -> Result<Vec<Rgb<f32>>, GpuError> {
+        self.prepare(lights, points, points.len())?.evaluate()
+    }
+
+    /// Everything uploaded and bound, for timing over `total` points (the given ones repeated).
+    pub fn prepare(
+        &self,
+        lights: &[Light<f32>],
+        points: &LocalPoints<f32>,
+        total: usize,
+    ) -> Result<PreparedEvaluation, GpuError> {
+        let packed = rows(lights)?;
+        assert_eq!(packed.kinds, self.kinds, "lights of other kinds than the evaluator's");
+        let buffer = self.gpu.checked("uploading lights", || {
+            self.gpu.storage("the buffer of lights", bytemuck::cast_slice(&packed.rows))
+        })?;
+        let bound = self.pass.bind(points, total, &[buffer.as_entire_binding()])?;
+        let (queue, lights) = (self.gpu.queue.clone(), lights.to_vec());
+        let parameter_bytes = std::mem::size_of_val(&packed.rows[..]) as u64;
+        let upload = Box::new(move || {
+            if let Ok(packed) = LightRows::new(&lights) {
+                queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&packed.rows));
+            }
+        });
+        Ok(PreparedEvaluation { gpu: self.gpu.clone(), bound, upload, parameter_bytes })
+    }
+}
+
+fn rows(lights: &[Light<f32>]) -> Result<LightRows, GpuError> {
+    LightRows::new(lights).map_err(|kind| GpuError::Refused {
+        during: "direct lights".to_owned(),
+        reason: format!("the shape `{kind}` has no WGSL twin"),
+    })
+}
