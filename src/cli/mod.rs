@@ -5,6 +5,7 @@
 mod completions;
 mod exit;
 mod man;
+mod doctor;
 mod query;
 mod run;
 
@@ -44,6 +45,7 @@ macro_rules! verbs {
 verbs! {
     Completions => completions,
     Man => man,
+    Doctor => doctor,
     Query => query,
     Run => run,
 }

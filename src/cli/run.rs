@@ -6,7 +6,9 @@ use clap::Args;
 
 use super::{Exit, Failure};
 use crate::experiment::{Backend, Candidate, Experiment, Filter, Override};
-use crate::run::{Ending, Store, SweepError, SweepOptions, interrupt, results, sweep};
+use crate::run::{
+    Ending, Store, Sweep, SweepError, SweepOptions, claims, interrupt, results, sweep, thresholds, write_atomic,
+};
 
 /// Run an experiment: render, measure, time, draw
 #[derive(Args, Debug)]
@@ -81,7 +83,8 @@ impl Run {
             swept.failed(),
             store.root().display(),
         );
-        let mut exit = Exit::Ok;
+        say_claims(&experiment, &swept, &store)?;
+        let mut exit = say_thresholds(&experiment, &swept);
         if swept.interrupted {
             exit = exit.and(Exit::Interrupted);
         }
@@ -90,4 +93,57 @@ impl Run {
         }
         Ok(exit)
     }
+}
+
+/// Writes claims.csv and says each verdict.
+fn say_claims(experiment: &Experiment, swept: &Sweep, store: &Store) -> Result<(), Failure> {
+    let verdicts = claims::verdicts(&experiment.claims, swept);
+    if verdicts.is_empty() {
+        return Ok(());
+    }
+    write_atomic(&store.root().join("claims.csv"), &claims::to_csv(&verdicts))?;
+    for claim in &experiment.claims {
+        eprintln!("\nclaim `{}`: {}", claim.name, claim.says);
+        let mut table = comfy_table::Table::new();
+        table.load_style(comfy_table::presets::NOTHING);
+        table.set_header(["scene", "lights", "order", "backend", "holds", "95 % interval", "median ratio", "verdict"]);
+        for v in verdicts.iter().filter(|v| v.claim == claim.name) {
+            let (low, high) = v.interval();
+            let interval =
+                if v.layouts > 1 { format!("{:.0} to {:.0} %", 100.0 * low, 100.0 * high) } else { String::new() };
+            table.add_row([
+                v.scene.clone(),
+                v.lights.clone(),
+                v.order.clone(),
+                v.backend.clone(),
+                format!("{} of {}", v.holds, v.layouts),
+                interval,
+                format!("{:.2}", v.median_ratio),
+                v.word().to_owned(),
+            ]);
+        }
+        eprintln!("{table}");
+    }
+    Ok(())
+}
+
+/// Says every margin of the experiment's thresholds.
+fn say_thresholds(experiment: &Experiment, swept: &Sweep) -> Exit {
+    let held = thresholds::held(experiment, swept);
+    let mut exit = Exit::Ok;
+    for one in &held {
+        let value = one.value.map_or("missing".to_owned(), |value| format!("{value:.6}"));
+        let bounds = match (one.min, one.max) {
+            (Some(min), Some(max)) => format!("{min} to {max}"),
+            (Some(min), None) => format!("at least {min}"),
+            (None, Some(max)) => format!("at most {max}"),
+            (None, None) => String::new(),
+        };
+        let word = if one.holds() { "holds" } else { "EXCEEDED" };
+        eprintln!("threshold of line {}: {word}: {} {value}, {bounds}: {}", one.line, one.metric, one.label);
+        if !one.holds() {
+            exit = Exit::Regression;
+        }
+    }
+    exit
 }

@@ -44,6 +44,8 @@ pub struct ExperimentFile {
     pub timing: Option<TimingFile>,
     #[serde(default)]
     pub threshold: Vec<Spanned<ThresholdFile>>,
+    #[serde(default)]
+    pub claim: Vec<Spanned<ClaimFile>>,
     pub reference: Option<ReferenceFile>,
 }
 
@@ -123,4 +125,14 @@ pub struct ReferenceFile {
     pub points: Option<Spanned<i64>>,
     pub relative_error: Option<Spanned<Finite>>,
     pub seconds: Option<Spanned<Finite>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ClaimFile {
+    pub name: Spanned<String>,
+    pub says: String,
+    pub rig: Spanned<Vec<Spanned<String>>>,
+    pub against: Spanned<Vec<Spanned<String>>>,
+    pub within: Option<Spanned<Finite>>,
 }

@@ -91,6 +91,19 @@ pub struct Threshold {
     pub line: usize,
 }
 
+/// A statement about rigs that an experiment puts to the test: the error of the best of `rigs` is at most `within` times that of the best of
+/// `against`, by `interpolation_nrmse`, on each scene x lights. Families of random layouts give it a rate and an interval.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Claim {
+    pub name: String,
+    /// The statement in words.
+    pub says: String,
+    pub rigs: Vec<String>,
+    pub against: Vec<String>,
+    /// 1 is "beats".
+    pub within: f64,
+}
+
 /// An experiment: its settings and every candidate, all names resolved and all values checked.
 #[derive(Clone, Debug)]
 pub struct Experiment {
@@ -105,6 +118,7 @@ pub struct Experiment {
     pub reference: ReferenceSettings,
     pub effects: EffectsChoice,
     pub thresholds: Vec<Threshold>,
+    pub claims: Vec<Claim>,
     /// In the order of the matrix, the last axis fastest; then the includes.
     pub candidates: Vec<Candidate>,
 }
@@ -225,6 +239,7 @@ impl<'f> Reader<'f> {
         }));
         let candidates = self.candidates(shared)?;
         let thresholds = self.thresholds(&candidates)?;
+        let claims = self.claims(&candidates)?;
         Ok(Experiment {
             path: source.path.clone(),
             root: root(source.folder()).unwrap_or_else(|| source.folder().to_owned()),
@@ -236,6 +251,7 @@ impl<'f> Reader<'f> {
             reference,
             effects,
             thresholds,
+            claims,
             candidates,
         })
     }
@@ -502,6 +518,40 @@ impl<'f> Reader<'f> {
             return Err(source.unknown_word(span, "rig", word, [DIRECT].into_iter().chain(names)));
         }
         Ok(Choice { text: word.to_owned(), span, value: definition })
+    }
+
+    fn claims(&self, candidates: &[Candidate]) -> Result<Vec<Claim>, InputError> {
+        let source = self.source;
+        let mut known: Vec<&str> = candidates.iter().filter_map(|c| c.column(Axis::Rig)).collect();
+        known.sort_unstable();
+        known.dedup();
+        let rigs = |list: &Spanned<Vec<Spanned<String>>>| -> Result<Vec<String>, InputError> {
+            if list.get_ref().is_empty() {
+                return Err(source.error(list.span(), "an empty list; name at least one rig of the matrix"));
+            }
+            list.get_ref()
+                .iter()
+                .map(|name| match known.contains(&name.get_ref().as_str()) {
+                    true => Ok(name.get_ref().clone()),
+                    false => Err(source.unknown_word(name.span(), "rig", name.get_ref(), known.iter().copied())),
+                })
+                .collect()
+        };
+        let mut claims: Vec<Claim> = Vec::new();
+        for claim in &self.file.claim {
+            let claim = claim.get_ref();
+            if claims.iter().any(|other| other.name == *claim.name.get_ref()) {
+                return Err(source.error(claim.name.span(), format!("a second claim `{}`", claim.name.get_ref())));
+            }
+            claims.push(Claim {
+                name: claim.name.get_ref().clone(),
+                says: claim.says.clone(),
+                rigs: rigs(&claim.rig)?,
+                against: rigs(&claim.against)?,
+                within: claim.within.as_ref().map_or(Ok(1.0), |w| above_zero(source, w, "within"))?,
+            });
+        }
+        Ok(claims)
     }
 
     fn thresholds(&self, candidates: &[Candidate]) -> Result<Vec<Threshold>, InputError> {

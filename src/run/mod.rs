@@ -2,12 +2,14 @@
 
 mod arrays;
 mod block;
+pub mod claims;
 mod disk;
 pub mod interrupt;
 mod progress;
 pub mod results;
 mod store;
 mod sweep;
+pub mod thresholds;
 mod timing;
 
 pub use arrays::{ArrayCache, Arrays};

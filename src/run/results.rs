@@ -96,6 +96,11 @@ fn rows(experiment: &Experiment, run: &Run) -> Vec<Cells> {
     all
 }
 
+/// One cell of a run's pooled row.
+pub fn cell(experiment: &Experiment, run: &Run, column: &str) -> Option<String> {
+    rows(experiment, run).first()?.get(column).cloned()
+}
+
 /// Metrics into their columns; what is missing or not resolved goes into the note.
 fn scores(cells: &mut Cells, scores: &Scores) {
     for column in COLUMNS {
