@@ -67,8 +67,13 @@ fn the_camera_sees_what_stands_before_it() {
     let scene = scene(&text).unwrap();
     let pixels = Pixels::cast(&scene, 0, 90, 60);
     let mut seen = 0;
-    for hit in pixels.hits.iter().flatten() {
+    let camera = scene.camera.unwrap();
+    for (index, hit) in pixels.hits.iter().enumerate() {
+        let Some(hit) = hit else { continue };
         seen += 1;
+        let direction = camera.direction((index % 90) as f64 + 0.5, (index / 90) as f64 + 0.5, 90, 60);
+        let off_the_ray = (hit.point.position - camera.eye).cross(direction).length();
+        assert!(off_the_ray < 1e-12, "{off_the_ray}");
         assert!((hit.point.position.length() - 1.0).abs() < 3e-3);
         assert!(hit.point.normal.dot(hit.point.position) > 0.99);
         assert!(hit.point.position.z > 0.19, "the far side at {}", hit.point.position);

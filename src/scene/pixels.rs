@@ -181,8 +181,8 @@ impl View {
         let face = ab.cross(ac);
         let facing = -face.dot(direction);
         let turned = to.cross(direction);
-        let u = (-ac.dot(turned) / facing).clamp(0.0, 1.0);
-        let v = (ab.dot(turned) / facing).clamp(0.0, 1.0 - u);
+        let u = (ac.dot(turned) / facing).clamp(0.0, 1.0);
+        let v = (-ab.dot(turned) / facing).clamp(0.0, 1.0 - u);
         let mut point = object.mesh.point(triangle as usize, u, v);
         if facing < 0.0 {
             point.normal = -point.normal;

@@ -17,16 +17,17 @@ const CORNER_LISTS: &[&str] = &["vertex_indices", "vertex_index"];
 
 pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<RawMesh, InputError> {
     let mut reader = Reader::new(Cursor::new(bytes));
-    let failed = |e: ParseError| InputError {
-        place: e.line().map(|line| (line, 1)),
-        ..InputError::of_file(path, first_line(&e.to_string()))
+    let failed_in_text = |e: ParseError, text: bool| InputError {
+        place: e.line().filter(|_| text).map(|line| (line, 1)),
+        ..InputError::of_file(path, one_line(&e.to_string()))
     };
-    let header = Parser::<Skipped>::new().read_header(&mut reader).map_err(failed)?;
+    let header = Parser::<Skipped>::new().read_header(&mut reader).map_err(|e| failed_in_text(e, true))?;
     check_header(&header, bytes.len()).map_err(|message| InputError::of_file(path, message))?;
 
     let mut mesh = RawMesh::default();
     let mut vertex_normals: Option<Vec<DVec3>> = None;
     let ascii = header.encoding == Encoding::Ascii;
+    let failed = |e: ParseError| failed_in_text(e, ascii);
     for (name, element) in &header.elements {
         let first_line = reader.line();
         let at = |index: usize, message: String| InputError {
@@ -131,8 +132,10 @@ fn least_length(element: &ElementDef, encoding: Encoding) -> usize {
     }
 }
 
-fn first_line(message: &str) -> String {
-    message.lines().map(str::trim).collect::<Vec<_>>().join(" ").chars().take(300).collect()
+/// The parser's message in one line, without the place that stands beside it.
+fn one_line(message: &str) -> String {
+    let rest = message.strip_prefix("Line ").and_then(|rest| rest.split_once(": ")).map_or(message, |(_, rest)| rest);
+    rest.split_whitespace().collect::<Vec<_>>().join(" ").chars().take(300).collect()
 }
 
 /// A number of any type that PLY has.
