@@ -1,10 +1,12 @@
 //! Light layouts: named lights, moving lights, random families, and what is said about every mistake.
 
+use std::path::Path;
+
 use glam::{DQuat, DVec3};
 use rigbench::input::{InputError, Source};
 use rigbench::light::{Light, LightShape};
 use rigbench::math::Vector3;
-use rigbench::scene::{Layout, OrientedBox};
+use rigbench::scene::{Layout, OrientedBox, Scene};
 use rigbench::sh::Lobe;
 
 fn layout(text: &str) -> Result<Layout, InputError> {
@@ -42,7 +44,7 @@ const RANDOM: &str = r#"
 seed = 5
 layouts = 120
 lights = 4
-kinds = ["sphere", "point"]
+kinds = ["sphere", "disk", "point"]
 distance = [0.5, 2.0]
 size = [0.05, 0.3]
 power = [10.0, 1000.0]
@@ -65,6 +67,7 @@ fn random_lights_keep_their_distance_from_the_box_and_fill_the_range() {
     assert_eq!(instances.len(), 120);
     assert_eq!((instances[7].name.as_str(), instances[7].index), ("test#007", Some(7)));
     let (mut least, mut most, mut spheres, mut mean) = (f64::INFINITY, 0.0f64, 0, DVec3::ZERO);
+    let mut unlit = 0;
     for instance in &instances {
         assert_eq!(instance.lights.len(), 4);
         for light in instance.lights_at(0, 1) {
@@ -72,15 +75,23 @@ fn random_lights_keep_their_distance_from_the_box_and_fill_the_range() {
             let gap = (bounds.distance(sphere.center) - sphere.radius) / unit;
             assert!((0.5 - 1e-9..2.0 + 1e-9).contains(&gap), "{gap}");
             (least, most) = (least.min(gap), most.max(gap));
-            if let Light::Sphere(_) = light {
-                spheres += 1;
-                assert!((0.05..0.3).contains(&(sphere.radius / unit)));
+            match &light {
+                Light::Sphere(_) => {
+                    spheres += 1;
+                    assert!((0.05..0.3).contains(&(sphere.radius / unit)));
+                }
+                Light::Disk(disk) => {
+                    // its front shows to some of the box
+                    let fronts = bounds.corners().map(|c| disk.normal.to_double().dot(c - sphere.center) > 0.0);
+                    unlit += u32::from(!fronts.contains(&true));
+                }
+                _ => {}
             }
             mean += (sphere.center - bounds.center).normalize() / 480.0;
         }
     }
     assert!(least < 0.52 && most > 1.98, "{least} to {most}");
-    assert!((180..300).contains(&spheres), "{spheres} of 480");
+    assert!((110..210).contains(&spheres) && unlit == 0, "{spheres} of 480, {unlit} turned away");
     // directions are uniform: each component of their mean is normal with sigma = 1/sqrt(3 * 480)
     assert!(mean.abs().max_element() < 4.0 / (3.0f64 * 480.0).sqrt(), "{mean}");
 }
@@ -100,6 +111,33 @@ fn random_layouts_depend_on_seed_and_number_alone_and_turn_with_the_box() {
     for (one, two) in all.iter().zip(centers(RANDOM, double)) {
         assert!((2.0 * (*one - bounds.center) - (two - bounds.center)).length() < 1e-9);
     }
+}
+
+#[test]
+fn shipped_layouts_touch_no_shipped_receiver() {
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let receivers: Vec<OrientedBox> = ["car", "body", "head", "teapot"]
+        .iter()
+        .map(|name| Scene::load(&scenes.join(format!("{name}.toml"))).unwrap().receivers[0].oriented_box(0))
+        .collect();
+    for bounds in &receivers {
+        assert!((bounds.half_diagonal() - 1.0).abs() < 1e-3 && bounds.center.length() < 1e-3);
+    }
+    let (mut lists, mut families) = (0, 0);
+    for entry in std::fs::read_dir(scenes.join("lights")).unwrap() {
+        let path = entry.unwrap().path();
+        let layout = Layout::load(&path).unwrap();
+        lists += usize::from(layout.random.is_none());
+        families += usize::from(layout.random.is_some());
+        for bounds in &receivers {
+            for light in layout.instances(&[*bounds]).iter().flat_map(|instance| instance.lights_at(0, 1)) {
+                let Some(sphere) = light.bounds() else { continue };
+                let gap = bounds.distance(sphere.center) - sphere.radius;
+                assert!(gap > -1e-9, "{}: a light reaches {gap} m into a box", path.display());
+            }
+        }
+    }
+    assert!(lists >= 4 && families >= 3, "{lists} layouts, {families} families");
 }
 
 /// Power that leaves a light: the flux through a large sphere around it, from the irradiance of surfaces that face it.
@@ -184,7 +222,7 @@ fn every_mistake_in_a_layout_has_its_place() {
         (RANDOM.replace("[0.05, 0.3]", "[0.0, 0.3]"), "[0.0, 0.3]", "above 0"),
         (RANDOM.replace("[10.0, 1000.0]", "0"), "0\n", "above 0"),
         (RANDOM.replace("[10.0, 1000.0]", "[1,2,3]"), "[1,2,3]", "3 numbers"),
-        (RANDOM.replace("[\"sphere\", \"point\"]", "[]"), "[]", "no kinds"),
+        (RANDOM.replace("[\"sphere\", \"disk\", \"point\"]", "[]"), "[]", "no kinds"),
         (RANDOM.replace("seed = 5", "seed = -1"), "-1", "-1"),
         ("[[lights]]\nname = \"a\"".to_owned(), "lights", "unknown field"),
     ];

@@ -1,12 +1,14 @@
 //! Families of random layouts: for win rates and intervals instead of single cases.
 
+use std::f64::consts::PI;
+
 use glam::DVec3;
 use serde::Deserialize;
 
 use super::layout::NamedLight;
 use super::{MotionPath, OrientedBox};
 use crate::input::{Finite, InputError, Source, Spanned};
-use crate::light::{Light, Point, Sphere};
+use crate::light::{Disk, Light, Point, Sphere};
 use crate::math::{Rgb, Stream, StreamPurpose, Vector3};
 
 /// Each channel of a light differs from grey by at most this fraction, before the mean is set back to 1.
@@ -56,28 +58,34 @@ pub struct RandomLayouts {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RandomKind {
     Sphere,
+    Disk,
     Point,
 }
 
 impl RandomKind {
-    const ALL: &'static [(&'static str, RandomKind)] = &[("sphere", RandomKind::Sphere), ("point", RandomKind::Point)];
+    const ALL: &'static [(&'static str, RandomKind)] =
+        &[("sphere", RandomKind::Sphere), ("disk", RandomKind::Disk), ("point", RandomKind::Point)];
 
     /// Radius of the sphere that holds the light however it is turned, over its size.
     fn reach(self) -> f64 {
         match self {
-            RandomKind::Sphere => 1.0,
+            RandomKind::Sphere | RandomKind::Disk => 1.0,
             RandomKind::Point => 0.0,
         }
     }
 
-    /// A light of radiant power `power` at `center`. A sphere sends out 4 pi^2 R^2 L, a point 4 pi I.
-    fn light(self, center: DVec3, size: f64, power: Rgb<f64>) -> Light<f64> {
-        use std::f64::consts::PI;
+    /// A light of radiant power `power` at `center`, turned towards `facing` (unit) if it is flat.
+    /// A sphere sends out 4 pi^2 R^2 L, a disk pi^2 R^2 L, a point 4 pi I.
+    fn light(self, center: DVec3, facing: DVec3, size: f64, power: Rgb<f64>) -> Light<f64> {
         let center = Vector3::of(center);
         match self {
             RandomKind::Sphere => {
                 let radiance = power * (1.0 / (4.0 * PI * PI * size * size));
                 Light::Sphere(Sphere { center, radius: size, radiance })
+            }
+            RandomKind::Disk => {
+                let radiance = power * (1.0 / (PI * PI * size * size));
+                Light::Disk(Disk { center, normal: Vector3::of(facing), radius: size, radiance })
             }
             RandomKind::Point => Light::Point(Point { position: center, intensity: power * (0.25 / PI) }),
         }
@@ -97,10 +105,12 @@ impl RandomLayouts {
                 let distance = unit * stream.uniform_between(self.distance[0], self.distance[1]);
                 let direction = stream.direction();
                 let center = at_distance(&bounds, direction, distance + kind.reach() * size);
+                let aim = bounds.world(bounds.half.map(|half| half * stream.uniform_between(-1.0, 1.0)));
+                let facing = (aim - center).try_normalize().unwrap_or(-direction);
                 let power = (stream.uniform_between(self.power[0].ln(), self.power[1].ln())).exp();
                 let tint: [f64; 3] = std::array::from_fn(|_| stream.uniform_between(1.0 - TINT, 1.0 + TINT));
                 let grey = tint.iter().sum::<f64>() / 3.0;
-                let light = kind.light(center, size, Rgb::of(tint) * (power / grey));
+                let light = kind.light(center, facing, size, Rgb::of(tint) * (power / grey));
                 NamedLight { name: format!("light-{}", number + 1), light, path: None::<MotionPath> }
             })
             .collect()
