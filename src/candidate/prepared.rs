@@ -5,7 +5,8 @@ use std::time::Duration;
 use super::{FittedRig, RigStage, direct, local_points};
 use crate::cost::{Samples, seconds_of};
 use crate::gpu::{
-    Evaluator, Gpu, GpuError, PreparedEvaluation, Sample, Timing, VolumeEvaluator, VolumeFormat, VolumeShape,
+    DirectEvaluator, Evaluator, Gpu, GpuError, PreparedEvaluation, Sample, Timing, VolumeEvaluator, VolumeFormat,
+    VolumeShape,
 };
 use crate::light::{self, Light};
 use crate::math::{Real, Rgb, Vector3};
@@ -145,6 +146,7 @@ impl Pipeline {
 pub struct GpuBench {
     pub gpu: Gpu,
     pipelines: Arc<Mutex<HashMap<(String, usize), Pipeline>>>,
+    directs: Arc<Mutex<HashMap<String, DirectEvaluator>>>,
 }
 
 /// Format of a lattice's volume textures: what engines ship.
@@ -152,16 +154,16 @@ const VOLUME_FORMAT: VolumeFormat = VolumeFormat::Rgba16Float;
 
 impl GpuBench {
     pub fn new(gpu: Gpu) -> Self {
-        Self { gpu, pipelines: Arc::default() }
+        Self { gpu, pipelines: Arc::default(), directs: Arc::default() }
     }
 
     fn pipeline(&self, rig: &AnyRig, half: [f64; 3], order: usize, texture: bool) -> Result<Pipeline, CandidateError> {
-        let shape = match rig {
-            _ if !texture => None,
-            AnyRig::Lattice(lattice) => {
-                Some(VolumeShape { counts: lattice.counts(half), half, order, format: VOLUME_FORMAT })
-            }
-            other => return Err(CandidateError::NoTexture(other.key())),
+        let shape = match texture {
+            false => None,
+            true => match VolumeShape::of_rig(rig, half, order, VOLUME_FORMAT) {
+                None => return Err(CandidateError::NoTexture(rig.key())),
+                some => some,
+            },
         };
         let text = shape.map_or_else(|| rig.wgsl(half), |shape| shape.wgsl());
         let key = (text, order);
@@ -175,6 +177,16 @@ impl GpuBench {
         self.pipelines.lock().expect("no holder panics").insert(key, made.clone());
         Ok(made)
     }
+
+    fn direct(&self, lights: &[Light<f32>], lobe: &Lobe<f32>) -> Result<DirectEvaluator, GpuError> {
+        let text = DirectEvaluator::model(lights, lobe)?;
+        if let Some(known) = self.directs.lock().expect("no holder panics").get(&text) {
+            return Ok(known.clone());
+        }
+        let made = DirectEvaluator::with_model(&self.gpu, lights, &text)?;
+        self.directs.lock().expect("no holder panics").insert(text, made.clone());
+        Ok(made)
+    }
 }
 
 /// Why a candidate could not be set up or evaluated.
@@ -184,7 +196,7 @@ pub enum CandidateError {
     Gpu(#[from] GpuError),
     #[error("the candidate wants a GPU and none was opened")]
     NoGpu,
-    #[error("the rig `{0}` has no volume texture; a lattice has")]
+    #[error("this rig `{0}` has no volume texture; a trilinear lattice has")]
     NoTexture(&'static str),
     /// What went wrong before, where it was not this call that failed.
     #[error("{0}")]
@@ -226,7 +238,7 @@ pub fn prepare(recipe: &Recipe, around: &Surroundings, gpu: Option<&GpuBench>) -
             let texture = recipe.arithmetic == Arithmetic::GpuTexture;
             match rig {
                 Some(rig) => Box::new(GpuRig::new(rig, recipe, around, bench, texture)?),
-                None => return Err(CandidateError::Earlier("`direct` has no pass on the GPU".to_owned())),
+                None => Box::new(GpuDirect::new(around, bench)?),
             }
         }
     })
@@ -242,6 +254,11 @@ struct Direct<T> {
 impl<T: Real> Direct<T> {
     fn new(around: &Surroundings) -> Self {
         Self { lights: around.lights.to_vec(), lobe: Lobe::new(around.wrap), bounds: around.bounds }
+    }
+
+    /// The lights about the box's centre.
+    fn relative_lights(&self) -> Vec<Light<T>> {
+        self.lights.iter().map(|light| light.relative_to(self.bounds.center)).collect()
     }
 }
 
@@ -293,7 +310,7 @@ struct TimedDirect<'a, T: Real> {
 impl<T: Real> Timed for TimedDirect<'_, T> {
     fn setup(&mut self) -> Result<f64, CandidateError> {
         let (direct, lights) = (self.direct, &mut self.lights);
-        Ok(seconds_of(|| *lights = direct.lights.iter().map(|s| s.relative_to(direct.bounds.center)).collect()))
+        Ok(seconds_of(|| *lights = direct.relative_lights()))
     }
 
     fn evaluate(&mut self) -> Result<(), CandidateError> {
@@ -447,13 +464,54 @@ impl Lit for GpuRig {
     fn timed<'a>(&'a self, points: &[SurfacePoint], total: usize) -> Result<Box<dyn Timed + 'a>, CandidateError> {
         let local = local_points(&self.stage.bounds, points);
         let prepared = self.pipeline.prepare(&self.fitted.irradiance, &local, total)?;
-        Ok(Box::new(TimedGpu { fit: Some(&self.stage), prepared, samples: Vec::new(), once: self.pipeline.once() }))
+        let fit = Box::new(|| drop(std::hint::black_box(self.stage.fit())));
+        Ok(Box::new(TimedGpu { fit, prepared, samples: Vec::new(), once: self.pipeline.once() }))
     }
 }
 
-/// Anything evaluated on the GPU: a frame's set-up is the fit on the CPU, where there is one, and the upload.
+/// `direct` on the GPU, in coordinates about the box's centre along the world's axes.
+struct GpuDirect {
+    direct: Direct<f32>,
+    lights: Vec<Light<f32>>,
+    evaluator: DirectEvaluator,
+}
+
+impl GpuDirect {
+    fn new(around: &Surroundings, bench: &GpuBench) -> Result<Self, CandidateError> {
+        let direct = Direct::<f32>::new(around);
+        let lights = direct.relative_lights();
+        Ok(Self { evaluator: bench.direct(&lights, &direct.lobe)?, lights, direct })
+    }
+
+    fn points(&self, points: &[SurfacePoint]) -> LocalPoints<f32> {
+        let mut local = LocalPoints::default();
+        for point in points {
+            local.push(point.position - self.direct.bounds.center, point.normal);
+        }
+        local
+    }
+}
+
+impl Lit for GpuDirect {
+    fn irradiance(&self, points: &[SurfacePoint]) -> Result<Vec<Rgb<f64>>, CandidateError> {
+        let values = self.evaluator.evaluate(&self.lights, &self.points(points))?;
+        Ok(values.iter().map(|e| e.to_double()).collect())
+    }
+
+    fn counts(&self) -> Counts {
+        self.direct.counts()
+    }
+
+    fn timed<'a>(&'a self, points: &[SurfacePoint], total: usize) -> Result<Box<dyn Timed + 'a>, CandidateError> {
+        let prepared = self.evaluator.prepare(&self.lights, &self.points(points), total)?;
+        let fit = Box::new(|| drop(std::hint::black_box(self.direct.relative_lights())));
+        Ok(Box::new(TimedGpu { fit, prepared, samples: Vec::new(), once: self.evaluator.once() }))
+    }
+}
+
+/// Anything evaluated on the GPU: a frame's set-up is what the CPU does first (a rig's fit) and the upload.
 struct TimedGpu<'a> {
-    fit: Option<&'a RigStage<f32>>,
+    fit: Box<dyn Fn() + 'a>,
     prepared: PreparedEvaluation,
     samples: Vec<Sample>,
     once: Duration,
@@ -461,7 +519,7 @@ struct TimedGpu<'a> {
 
 impl Timed for TimedGpu<'_> {
     fn setup(&mut self) -> Result<f64, CandidateError> {
-        let fit = self.fit.map_or(0.0, |stage| seconds_of(|| stage.fit()));
+        let fit = seconds_of(|| (self.fit)());
         Ok(fit + self.prepared.setup_sample()?.as_secs_f64())
     }
 

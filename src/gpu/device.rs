@@ -289,10 +289,10 @@ impl Gpu {
         Ok(start.elapsed())
     }
 
-    /// A storage buffer with contents; an empty one gets 16 zero bytes, because a binding must have some.
+    /// A storage buffer with contents; an empty one gets some zeros, because a binding holds one element at least.
     pub(super) fn storage(&self, what: &'static str, contents: &[u8]) -> Result<wgpu::Buffer, GpuError> {
         self.fits_binding(what, contents.len() as u64)?;
-        let contents = if contents.is_empty() { &[0; 16] } else { contents };
+        let contents = if contents.is_empty() { &[0; 64] } else { contents };
         Ok(self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some(what),
             contents,

@@ -18,11 +18,15 @@ pub struct DirectEvaluator {
 impl DirectEvaluator {
     /// For the kinds that occur among `lights`.
     pub fn new(gpu: &Gpu, lights: &[Light<f32>], lobe: &Lobe<f32>) -> Result<Self, GpuError> {
-        let kinds = rows(lights)?.kinds;
-        Self::with_model(gpu, lights, &lights_wgsl(&kinds, lobe))
+        Self::with_model(gpu, lights, &Self::model(lights, lobe)?)
     }
 
-    /// With another model than [`lights_wgsl`]: for tests that break it.
+    /// The WGSL of the lights: equal texts are equal pipelines.
+    pub fn model(lights: &[Light<f32>], lobe: &Lobe<f32>) -> Result<String, GpuError> {
+        Ok(lights_wgsl(&rows(lights)?.kinds, lobe))
+    }
+
+    /// From a text of [`DirectEvaluator::model`] for lights of the same kinds.
     pub fn with_model(gpu: &Gpu, lights: &[Light<f32>], model: &str) -> Result<Self, GpuError> {
         let kinds = rows(lights)?.kinds;
         let text = ShaderText::new().with_points().with(model).with(include_str!("passes/direct.wgsl"));

@@ -102,7 +102,7 @@ impl PreparedEvaluation {
     }
 
     /// One timed run over all points; interleave those of several candidates. Collect them with [`Timing::of`].
-    pub fn sample(&self) -> Result<Sample, GpuError> {
+    pub fn sample(&mut self) -> Result<Sample, GpuError> {
         self.bound.sample()
     }
 

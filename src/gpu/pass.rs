@@ -36,7 +36,52 @@ impl PointPass {
         let empty = pipeline(gpu, "empty", &empty_text, &layout)?;
         let start = Instant::now();
         let pipeline = pipeline(gpu, name, &text, &layout)?;
-        Ok(Self { gpu: gpu.clone(), name, layout, pipeline, empty, once: start.elapsed() })
+        let mut pass = Self { gpu: gpu.clone(), name, layout, pipeline, empty, once: Duration::ZERO };
+        pass.dispatch_nothing(parameters)?;
+        pass.once = start.elapsed();
+        Ok(pass)
+    }
+
+    /// A first dispatch over no points: some drivers compile only now.
+    fn dispatch_nothing(&self, parameters: Parameters) -> Result<(), GpuError> {
+        self.gpu.checked(self.name, || {
+            let device = &self.gpu.device;
+            let storage = self.gpu.storage("nothing", &[])?;
+            let uniform = device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("nothing"),
+                size: 16,
+                usage: wgpu::BufferUsages::UNIFORM,
+                mapped_at_creation: false,
+            });
+            let texture = device.create_texture(&wgpu::TextureDescriptor {
+                label: Some("nothing"),
+                size: wgpu::Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D3,
+                format: wgpu::TextureFormat::Rgba16Float,
+                usage: wgpu::TextureUsages::TEXTURE_BINDING,
+                view_formats: &[],
+            });
+            let view = texture.create_view(&Default::default());
+            let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+                mag_filter: wgpu::FilterMode::Linear,
+                min_filter: wgpu::FilterMode::Linear,
+                ..Default::default()
+            });
+            let resources = match parameters {
+                Parameters::Buffer => vec![storage.as_entire_binding()],
+                Parameters::Volume => vec![
+                    wgpu::BindingResource::TextureView(&view),
+                    wgpu::BindingResource::Sampler(&sampler),
+                    uniform.as_entire_binding(),
+                ],
+            };
+            // a new buffer is zero: its tile ends before its first point
+            let nothing = self.bind(&LocalPoints::default(), 0, &resources)?;
+            nothing.submit(&self.pipeline, 0, 1, None);
+            self.gpu.wait(self.name)
+        })
     }
 
     /// Uploads the points, repeated until there are `total`, and binds them with the parameters.
@@ -75,7 +120,15 @@ impl PointPass {
                 layout: &self.layout,
                 entries: &entries,
             });
-            Ok(BoundPass { pass: self.clone(), bindings, tiles, result, count: packed.len(), tile_points: FIRST_TILE })
+            Ok(BoundPass {
+                pass: self.clone(),
+                bindings,
+                tiles,
+                result,
+                count: packed.len(),
+                tile_points: FIRST_TILE,
+                has_run: false,
+            })
         })
     }
 }
@@ -90,6 +143,7 @@ pub(super) struct BoundPass {
     count: usize,
     /// Points a dispatch, learnt by [`BoundPass::run`].
     tile_points: usize,
+    has_run: bool,
 }
 
 const RESULT_BYTES: u64 = 16;
@@ -130,6 +184,7 @@ impl BoundPass {
             }
             first = end;
         }
+        self.has_run = true;
         // A timed run has no more tiles than there are slots for.
         self.tile_points = self.tile_points.max(self.count.div_ceil(MOST_TILES as usize));
         Ok(())
@@ -143,8 +198,11 @@ impl BoundPass {
         Ok(rows.iter().map(|row| Rgb::new(row[0], row[1], row[2])).collect())
     }
 
-    /// One timed run over all points, less an empty one.
-    pub fn sample(&self) -> Result<Sample, GpuError> {
+    /// One timed run over all points, less an empty one. Before the first, an untimed run learns the size of tiles.
+    pub fn sample(&mut self) -> Result<Sample, GpuError> {
+        if !self.has_run {
+            self.run()?;
+        }
         let gpu = &self.pass.gpu;
         gpu.checked(self.pass.name, || {
             let tiles: Vec<Tile> = (0..self.count)

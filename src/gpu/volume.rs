@@ -4,7 +4,7 @@ use std::time::Duration;
 use super::pass::{Parameters, PointPass};
 use super::{Gpu, GpuError, PreparedEvaluation, ShaderText};
 use crate::math::Rgb;
-use crate::rig::{LocalPoints, ShVectors};
+use crate::rig::{AnyRig, Interpolation, LocalPoints, ShVectors};
 use crate::sh::coefficients;
 
 /// How a volume texture stores numbers.
@@ -51,6 +51,17 @@ pub struct VolumeShape {
 const GUARD: f32 = 1.0 / 1024.0;
 
 impl VolumeShape {
+    /// The volume of a rig over a box of these half extents. `None` for a rig that a filter cannot evaluate: only a trilinear
+    /// lattice is.
+    pub fn of_rig(rig: &AnyRig, half: [f64; 3], order: usize, format: VolumeFormat) -> Option<Self> {
+        match rig {
+            AnyRig::Lattice(lattice) if matches!(lattice.interpolation, Interpolation::Trilinear(_)) => {
+                Some(Self { counts: lattice.counts(half), half, order, format })
+            }
+            _ => None,
+        }
+    }
+
     /// Texels of four numbers that an SH vector takes.
     pub fn groups(&self) -> usize {
         (3 * coefficients(self.order)).div_ceil(4)
