@@ -163,6 +163,14 @@ fn an_axis_without_a_meaning_makes_no_second_candidate() {
     );
     assert_eq!(experiment.candidates.len(), 1 + 1 + 2 + 1 + 2);
 
+    // rays bring their own derivatives: the gradient source is not chosen, and its column says which it is
+    let traced = format!("{matrix}\nprobe_source = [\"analytic\", \"traced\"]");
+    let experiment = project.load(&file(&traced, central)).unwrap();
+    assert_eq!(experiment.candidates.len(), 1 + 2 + (2 + 1) + 2 + (2 + 1));
+    let of_rays = experiment.candidates.iter().filter(|c| column(c, Axis::ProbeSource) == "traced");
+    let sources: Vec<&str> = of_rays.map(|c| column(c, Axis::GradientSource)).collect();
+    assert_eq!(sources, ["-", "semi_analytic", "-", "semi_analytic"]);
+
     let direct = &project.load(&file(rigs, "")).unwrap().candidates[0];
     assert!(direct.rig().is_none() && direct.order.is_none() && direct.window.is_none());
     for axis in [Axis::Order, Axis::Window, Axis::ProbeSource, Axis::GradientSource, Axis::Storage, Axis::Interpolation]
@@ -439,9 +447,10 @@ max = 0.05
     let mistakes: &[(&str, &str, &str, &str, &str)] = &[
         // syntax, types, keys
         ("schema_version = 1", "schema_version = [1", "", "", ""),
-        ("schema_version = 1\n", "", "name", "missing field `schema_version`", ""),
+        ("schema_version = 1\n", "", "name", "no schema_version", ""),
         ("schema_version = 1", "schema_version = 2", "2", "this program reads 1", ""),
-        ("schema_version = 1", "schema_version = \"1\"", "\"1\"", "whole number", ""),
+        ("schema_version = 1", "schema_version = \"1\"", "\"1\"", "this program reads 1", ""),
+        ("schema_version = 1", "schema_version = 2\nnews = 3", "2", "this program reads 1", ""),
         ("name = \"test\"", "nam = \"test\"", "nam =", "unknown field `nam`", "`name`"),
         ("name = \"test\"", "name = \"a/b\"", "\"a/b\"", "names a folder", ""),
         ("name = \"test\"", "name = \"..\"", "\"..\"", "names a folder", ""),
@@ -484,7 +493,7 @@ max = 0.05
         ("order = [2, 3]", "gradient_source = [\"central\"]", "\"central\"", "needs parameters", "step"),
         ("order = [2, 3]", "light_model = [\"wallace\"]", "\"wallace\"", "not available in this version", ""),
         ("order = [2, 3]", "light_model = [\"walace\"]", "\"walace\"", "unknown light model", "`wallace`"),
-        ("order = [2, 3]", "probe_source = [\"traced\"]", "\"traced\"", "not available in this version", ""),
+        ("order = [2, 3]", "probe_source = [\"captured\"]", "\"captured\"", "not available in this version", ""),
         // definitions
         ("[rig.constant]\nconstant = {}", "[rig.constant]\nconstnt = {}", "constnt", "unknown field", "`constant`"),
         ("[rig.constant]\nconstant = {}", "[rig.constant]", "[rig.constant]", "no rig", ""),

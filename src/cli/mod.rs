@@ -3,13 +3,16 @@
 //! Data goes to stdout, all else to stderr. A verb is a struct of arguments (clap) with `fn run(self) -> Result<Exit, Failure>`.
 
 mod completions;
+mod doctor;
 mod exit;
 mod man;
-mod doctor;
+mod plan;
 mod query;
 mod run;
+mod selection;
 
 pub use exit::{Exit, Failure};
+pub use selection::{Selected, Selection};
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -43,11 +46,12 @@ macro_rules! verbs {
 }
 
 verbs! {
+    Plan => plan,
+    Run => run,
+    Query => query,
+    Doctor => doctor,
     Completions => completions,
     Man => man,
-    Doctor => doctor,
-    Query => query,
-    Run => run,
 }
 
 /// The whole command line, for completions, the manual and tests.

@@ -404,7 +404,7 @@ impl WordAxis for ProbeSource {
         table.resolve(source, span)
     }
     fn is_available(&self) -> bool {
-        *self == ProbeSource::Analytic
+        !matches!(self, ProbeSource::Captured { .. })
     }
 }
 

@@ -84,7 +84,12 @@ fn meaning(axis: Axis, draft: &Draft) -> Meaning {
         // `direct` has no SH and no probe samples
         Axis::Order | Axis::ProbeSource | Axis::Window | Axis::Transition => chosen_if(rig.is_some()),
         Axis::Interpolation => chosen_if(rig.is_some_and(|rig| rig.has_interpolation)),
-        Axis::GradientSource => chosen_if(rig.is_some_and(|rig| rig.asks_derivatives)),
+        Axis::GradientSource if !rig.is_some_and(|rig| rig.asks_derivatives) => Meaning::None,
+        // rays bring their derivatives with them
+        Axis::GradientSource => match draft.probe_source {
+            Some(ProbeSource::Traced { .. }) => Meaning::Only("semi_analytic"),
+            _ => Meaning::Chosen,
+        },
         // no rig subdivides
         Axis::Heuristic => Meaning::None,
         Axis::Storage => {

@@ -16,7 +16,8 @@ pub type Named<V> = BTreeMap<Spanned<String>, Spanned<V>>;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExperimentFile {
-    pub schema_version: Spanned<i64>,
+    #[allow(dead_code, reason = "checked before the rest of the file")]
+    schema_version: i64,
     pub name: Spanned<String>,
     #[serde(default)]
     pub title: String,

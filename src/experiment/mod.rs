@@ -132,10 +132,11 @@ impl Experiment {
     pub fn load_with(path: &Path, changes: &[Override]) -> Result<Self, InputError> {
         let document = Document::read(path, changes)?;
         document.with_tree(|mut tree, source| {
+            check_version(tree.get_ref(), source)?;
             let rigs = rig_definitions(tree.get_mut(), source)?;
             let file: ExperimentFile =
                 serde::Deserialize::deserialize(toml::Deserializer::from(tree)).map_err(|e| source.toml_error(&e))?;
-            Reader::new(source, rigs, &file)?.experiment()
+            Reader::new(source, rigs, &file).experiment()
         })
     }
 
@@ -147,6 +148,21 @@ impl Experiment {
     /// Where references are kept for all experiments that write to their usual place.
     pub fn cache_folder(&self) -> PathBuf {
         self.root.join("results").join(".cache")
+    }
+}
+
+/// The version comes first, so that a file of a later one is not blamed for its new keys.
+fn check_version(tree: &toml::de::DeTable<'_>, source: &Source) -> Result<(), InputError> {
+    let Some(version) = tree.get("schema_version") else {
+        return Err(source.error(0..0, format!("no schema_version; write `schema_version = {VERSION}`")));
+    };
+    match version.get_ref().as_integer().map(|number| number.as_str().parse::<i64>()) {
+        Some(Ok(VERSION)) => Ok(()),
+        _ => {
+            let message =
+                format!("unknown schema_version {}; this program reads {VERSION}", source.text[version.span()].trim());
+            Err(source.error(version.span(), message))
+        }
     }
 }
 
@@ -201,13 +217,8 @@ struct Reader<'f> {
 }
 
 impl<'f> Reader<'f> {
-    fn new(source: &'f Source, rigs: Vec<Arc<RigDefinition>>, file: &'f ExperimentFile) -> Result<Self, InputError> {
-        let version = *file.schema_version.get_ref();
-        if version != VERSION {
-            let message = format!("schema_version {version}; this program reads {VERSION}");
-            return Err(source.error(file.schema_version.span(), message));
-        }
-        Ok(Self { source, file, rigs, scenes: HashMap::new(), layouts: HashMap::new(), aliases: Vec::new() })
+    fn new(source: &'f Source, rigs: Vec<Arc<RigDefinition>>, file: &'f ExperimentFile) -> Self {
+        Self { source, file, rigs, scenes: HashMap::new(), layouts: HashMap::new(), aliases: Vec::new() }
     }
 
     fn experiment(mut self) -> Result<Experiment, InputError> {
