@@ -26,6 +26,8 @@ fn every_shape_loads() {
     let tables = [
         "sphere = { center = [0, 2, 0], radius = 0.2, radiance = [12, 12, 12] }",
         "disk = { center = [0, 2, 0], normal = [0, -2, 0], radius = 0.2, radiance = [12, 12, 12] }",
+        "rect = { center = [0, 2, 0], u = [0.5, 0, 0], v = [0, 0, 0.5], radiance = [12, 12, 12] }",
+        "polygon = { vertices = [[0, 2, 0], [1, 2, 0], [0, 2, 1]], radiance = [12, 12, 12] }",
         "point = { position = [0, 2, 0], intensity = [1, 2, 3] }",
         "directional = { towards = [0, 2, 0], irradiance = [1, 2, 3] }",
         "constant = { radiance = [1, 2, 3] }",
@@ -53,6 +55,42 @@ fn mistakes_name_their_place() {
         ("directional = { towards = [0, 0, 0], irradiance = [1, 1, 1] }", 27, "zero vector"),
         ("point = { position = [0, 0, 0], intensity = [0, 0, -2] }", 45, "intensity -2"),
         ("point = { position = [0, 0, 0], intensity = [0, 0, 2], radius = 1 }", 56, "unknown field `radius`"),
+        (
+            "disk = { center = [0, 2, 0], normal = [0, 0, 0], radius = 1, radiance = [1, 1, 1] }",
+            39,
+            "normal is the zero",
+        ),
+        ("rect = { center = [0, 2, 0], u = [0, 0, 0], v = [1, 0, 0], radiance = [1, 1, 1] }", 34, "u is the zero"),
+        ("rect = { center = [0, 2, 0], u = [2, 0, 2], v = [1, 0, 1], radiance = [1, 1, 1] }", 49, "no area"),
+        ("polygon = { vertices = [[0, 0, 0], [1, 0, 0]], radiance = [1, 1, 1] }", 24, "at least three"),
+        ("polygon = { vertices = [[0, 0, 0], [1, 0, 0], [2, 0, 0]], radiance = [1, 1, 1] }", 24, "no area"),
+        (
+            "polygon = { vertices = [[0, 0, 0], [1, 0, 0], [1, 0, 0], [0, 1, 0]], radiance = [1, 1, 1] }",
+            47,
+            "repeats the one before",
+        ),
+        (
+            "polygon = { vertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0.2], [0, 1, 0]], radiance = [1, 1, 1] }",
+            25,
+            "off the plane",
+        ),
+        (
+            "polygon = { vertices = [[0, 0, 0], [4, 0, 0], [1, 1, 0], [0, 4, 0]], radiance = [1, 1, 1] }",
+            47,
+            "turns inwards",
+        ),
+        (
+            "polygon = { vertices = [[0, 0, 0], [1, 1, 0], [1, 0, 0], [0, 1, 0]], radiance = [1, 1, 1] }",
+            24,
+            "crosses itself",
+        ),
+        (
+            "polygon = { vertices = [[0, 1, 0], [-0.59, -0.81, 0], [0.95, 0.31, 0], [-0.95, 0.31, 0], [0.59, -0.81, 0]], \
+             radiance = [1, 1, 1] }",
+            24,
+            "winds around itself",
+        ),
+        ("polygon = { vertices = [[0, 0, 0], [1, 0], [1, 1, 0]], radiance = [1, 1, 1] }", 24, "2 numbers where three"),
     ] {
         let error = problem(line);
         let (found_line, found_column) = error.place.unwrap_or_else(|| panic!("no place: {error}"));

@@ -5,12 +5,15 @@
 //! caller chooses ([`Light::relative_to`]), so that `f32` code works near the things that it lights.
 //! Adding a shape is one file here and one line in [`light_shapes!`] below (and its WGSL twin beside it, if the GPU evaluates it directly).
 
+mod arc;
 mod constant;
 mod directional;
 mod disk;
 mod file;
 mod integral;
 mod point;
+mod polygon;
+mod rect;
 mod shader;
 mod sphere;
 
@@ -18,6 +21,8 @@ pub use constant::{Constant, ConstantFile};
 pub use directional::{Directional, DirectionalFile};
 pub use disk::{Disk, DiskFile};
 pub use point::{Point, PointFile};
+pub use polygon::{Polygon, PolygonFile};
+pub use rect::{Rect, RectFile};
 pub use shader::{LightRows, lights_wgsl, shader_kinds};
 pub use sphere::{Sphere, SphereFile};
 
@@ -178,7 +183,7 @@ macro_rules! uniform_emitters {
     )+};
 }
 
-uniform_emitters!(Sphere, Disk);
+uniform_emitters!(Sphere, Disk, Rect, Polygon);
 
 /// The smallest sphere about a light that its shape knows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -321,6 +326,8 @@ macro_rules! light_shapes {
 light_shapes!(
     sphere: Sphere / SphereFile,
     disk: Disk / DiskFile,
+    rect: Rect / RectFile,
+    polygon: Polygon / PolygonFile,
     point: Point / PointFile,
     directional: Directional / DirectionalFile,
     constant: Constant / ConstantFile,

@@ -1,0 +1,133 @@
+use std::sync::LazyLock;
+
+use super::integral::{gauss, is_double};
+use crate::math::{Real, Vector3};
+
+/// A straight segment as a point sees it: an arc of a great circle, w(psi) = start cos(psi) + across sin(psi), 0 <= psi <= angle.
+///
+/// Distances along the segment obey 1/r = (cos(psi) - cot(gamma) sin(psi))/r_start, gamma the angle between the segment and the
+/// direction to its start: everything that the segment's contour integrals need is a trigonometric polynomial in psi, which
+/// Gauss-Legendre nodes integrate to the scalar's precision however near the point is.
+#[derive(Clone, Copy, Debug)]
+pub struct Arc<T> {
+    pub start: Vector3<T>,
+    pub across: Vector3<T>,
+    pub angle: T,
+    /// angle/|a x b|, which tends to 1/(a.b) where the point is in line with the segment, outside it.
+    pub angle_over_cross: T,
+    /// a x b; along the arc w x dw = cross * angle_over_cross / angle dpsi.
+    pub cross: Vector3<T>,
+    inverse_start: T,
+    /// cos(gamma), and angle/sin(gamma).
+    cosine: T,
+    angle_over_sine: T,
+}
+
+impl<T: Real> Arc<T> {
+    /// The segment from `a` to `a + side`, both relative to the point; `None` where the point is on the segment.
+    #[inline(always)]
+    pub fn new(a: Vector3<T>, side: Vector3<T>) -> Option<Self> {
+        let b = a + side;
+        let cross = a.cross(side);
+        let (sine, cosine) = (cross.length(), a.dot(b));
+        let angle = sine.atan2(cosine);
+        let angle_over_cross = if sine > T::min_positive_value() { angle / sine } else { T::one() / cosine };
+        let (distance, length) = (a.length(), side.length());
+        let start = a / distance;
+        let across = if sine > T::min_positive_value() { cross.cross(start) / sine } else { Vector3::zero() };
+        let arc = Self {
+            start,
+            across,
+            angle,
+            angle_over_cross,
+            cross,
+            inverse_start: T::one() / distance,
+            cosine: start.dot(side) / length,
+            angle_over_sine: angle_over_cross * distance * length,
+        };
+        (angle_over_cross > T::zero() && arc.angle_over_sine.is_finite() && distance > T::zero()).then_some(arc)
+    }
+
+    #[inline(always)]
+    pub fn at(&self, psi: T) -> Vector3<T> {
+        let (sine, cosine) = psi.sin_cos();
+        self.start * cosine + self.across * sine
+    }
+
+    /// Calls `node(w, weight, 1/r)`, weights summing to 1, with as many nodes as a trigonometric polynomial of `degree` takes.
+    #[inline(always)]
+    pub fn nodes(&self, degree: usize, mut node: impl FnMut(Vector3<T>, T, T)) {
+        let count = nodes_for::<T>(degree as f64 * self.angle.to_double());
+        for &(fraction, weight) in gauss(count) {
+            let fraction = T::of(fraction);
+            let (sine, cosine) = (self.angle * fraction).sin_cos();
+            let w = self.start * cosine + self.across * sine;
+            // sin(psi)/sin(gamma), also where both vanish
+            let ratio = if self.angle > T::epsilon() { sine / self.angle } else { fraction } * self.angle_over_sine;
+            let inverse = (cosine - self.cosine * ratio) * self.inverse_start;
+            node(w, T::of(weight), inverse);
+        }
+    }
+}
+
+/// Nodes after which Gauss-Legendre integrates a trigonometric polynomial over an arc, `reach` = degree times the arc's angle.
+/// The rule's error is at most reach^(2N) (N!)^4/((2N)!)^3.
+fn nodes_for<T: Real>(reach: f64) -> usize {
+    static REACHES: LazyLock<[Vec<f64>; 2]> = LazyLock::new(|| {
+        [1e-8, 1e-16].map(|allowed: f64| {
+            let log_factorial = |n: usize| (1..=n).map(|k| (k as f64).ln()).sum::<f64>();
+            (1..=24)
+                .map(|n| {
+                    let log = allowed.ln() + 3.0 * log_factorial(2 * n) - 4.0 * log_factorial(n);
+                    (log / (2 * n) as f64).exp()
+                })
+                .collect()
+        })
+    });
+    let reaches = &REACHES[usize::from(is_double::<T>())];
+    reaches.iter().position(|r| reach <= *r).map_or(reaches.len(), |i| i + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::integral::end_crowding;
+    use super::*;
+
+    #[test]
+    fn nodes_integrate_distances_and_directions() {
+        let side = Vector3::<f64>::new(1.0, -2.0, 0.5);
+        // beside the segment, near its middle, near an end, in line with it, far
+        for a in [
+            Vector3::new(-0.3, 1.2, 0.4),
+            side * -0.5 + Vector3::new(1e-6, 0.0, 0.0),
+            side * 1e-7 + Vector3::new(0.0, 1e-9, 0.0),
+            side * 0.2,
+            side * 1e4 + Vector3::new(5.0, 0.0, 0.0),
+        ] {
+            let arc = Arc::new(a, side).unwrap();
+            let mut integral = 0.0;
+            arc.nodes(7, |w, weight, inverse| {
+                integral += weight * inverse;
+                let on_line = w / inverse - a;
+                assert!(on_line.cross(side).length() < 1e-8 * on_line.length().max(1e-6) * side.length(), "{a:?}");
+            });
+            // dpsi = h ds/r^2: the mean of 1/r is the ratio of the integrals of ds/r^3 and ds/r^2, in closed form or summed
+            let (d, e) = (side.normalized().unwrap(), a + side);
+            let h = a.cross(d).length();
+            let exact = if a.dot(d) < 0.0 || h > 1e-3 * a.length() {
+                (e.dot(d) / e.length() - a.dot(d) / a.length()) / (h * arc.angle)
+            } else {
+                let sum = |power: i32| -> f64 {
+                    end_crowding::<f64>()
+                        .iter()
+                        .map(|n| n.weight / (a + side * n.from_start).length().powi(power))
+                        .sum()
+                };
+                sum(3) / sum(2)
+            };
+            assert!((integral / exact - 1.0).abs() < 1e-9, "{a:?}: {integral} for {exact}");
+        }
+        assert!(Arc::new(side * -0.5, side).is_none(), "a point on the segment");
+        assert!(Arc::new(Vector3::zero(), side).is_none(), "a point at its end");
+    }
+}
