@@ -2,7 +2,7 @@ use std::time::Duration;
 
 use super::pass::{Parameters, PointPass};
 use super::{Gpu, GpuError, PreparedEvaluation, ShaderText};
-use crate::light::{Light, LightRows, lights_wgsl};
+use crate::light::{Light, LightRows, lights_wgsl, shader_kinds};
 use crate::math::Rgb;
 use crate::rig::LocalPoints;
 use crate::sh::Lobe;
@@ -23,7 +23,11 @@ impl DirectEvaluator {
 
     /// The WGSL of the lights: equal texts are equal pipelines.
     pub fn model(lights: &[Light<f32>], lobe: &Lobe<f32>) -> Result<String, GpuError> {
-        Ok(lights_wgsl(&rows(lights)?.kinds, lobe))
+        let kinds = rows(lights)?.kinds;
+        match kinds.iter().find(|kind| !shader_kinds(lobe).any(|known| known == **kind)) {
+            Some(kind) => Err(no_twin(kind, " for the wrap lobe")),
+            None => Ok(lights_wgsl(&kinds, lobe)),
+        }
     }
 
     /// From a text of [`DirectEvaluator::model`] for lights of the same kinds.
@@ -68,8 +72,12 @@ impl DirectEvaluator {
 }
 
 fn rows(lights: &[Light<f32>]) -> Result<LightRows, GpuError> {
-    LightRows::new(lights).map_err(|kind| GpuError::Refused {
+    LightRows::new(lights).map_err(|kind| no_twin(kind, ""))
+}
+
+fn no_twin(kind: &str, of_what: &str) -> GpuError {
+    GpuError::Refused {
         during: "direct lights".to_owned(),
-        reason: format!("the shape `{kind}` has no WGSL twin"),
-    })
+        reason: format!("the shape `{kind}` has no WGSL twin{of_what}"),
+    }
 }

@@ -20,14 +20,17 @@ struct Twin {
     kind: &'static str,
     /// Rows of a light's record.
     rows: usize,
+    /// Whether it knows the wrap lobe beside the clamped cosine.
+    wraps: bool,
     wgsl: &'static str,
 }
 
 const TWINS: &[Twin] = &[
-    Twin { kind: "sphere", rows: 2, wgsl: include_str!("sphere.wgsl") },
-    Twin { kind: "point", rows: 2, wgsl: include_str!("point.wgsl") },
-    Twin { kind: "directional", rows: 2, wgsl: include_str!("directional.wgsl") },
-    Twin { kind: "constant", rows: 1, wgsl: include_str!("constant.wgsl") },
+    Twin { kind: "sphere", rows: 2, wraps: true, wgsl: include_str!("sphere.wgsl") },
+    Twin { kind: "disk", rows: 3, wraps: false, wgsl: include_str!("disk.wgsl") },
+    Twin { kind: "point", rows: 2, wraps: true, wgsl: include_str!("point.wgsl") },
+    Twin { kind: "directional", rows: 2, wraps: true, wgsl: include_str!("directional.wgsl") },
+    Twin { kind: "constant", rows: 1, wraps: true, wgsl: include_str!("constant.wgsl") },
 ];
 
 /// The record of a light: as many rows as its twin says. `None` for a shape without a twin.
@@ -37,6 +40,11 @@ fn record(light: &Light<f32>) -> Option<Vec<Row>> {
         Light::Sphere(sphere) => {
             vec![row(sphere.center.to_array(), sphere.radius), row(sphere.radiance.to_array(), 0.0)]
         }
+        Light::Disk(disk) => vec![
+            row(disk.center.to_array(), disk.radius),
+            row(disk.normal.to_array(), 0.0),
+            row(disk.radiance.to_array(), 0.0),
+        ],
         Light::Point(point) => vec![row(point.position.to_array(), 0.0), row(point.intensity.to_array(), 0.0)],
         Light::Directional(directional) => {
             vec![row(directional.towards.to_array(), 0.0), row(directional.irradiance.to_array(), 0.0)]
@@ -77,9 +85,10 @@ impl LightRows {
     }
 }
 
-/// The shapes (TOML keys) that the GPU evaluates directly.
-pub fn shader_kinds() -> impl Iterator<Item = &'static str> {
-    TWINS.iter().map(|twin| twin.kind)
+/// The shapes (TOML keys) that the GPU evaluates directly under a lobe.
+pub fn shader_kinds(lobe: &Lobe<f32>) -> impl Iterator<Item = &'static str> {
+    let lambert = lobe.is_lambert();
+    TWINS.iter().filter(move |twin| lambert || twin.wraps).map(|twin| twin.kind)
 }
 
 /// c such that f(u) = u + u^3 (c_0 + c_1 u^2 + ... + c_4 u^8) for 0 <= u <= end, for an odd f with f'(0) = 1: interpolation of
@@ -94,7 +103,7 @@ fn fitted_odd(function: fn(f64) -> f64, end: f64) -> [f64; 5] {
     powers.lu().solve(&values).expect("Chebyshev nodes are distinct").into()
 }
 
-/// WGSL of the twins of `kinds`, and `lights_irradiance(p, n)`: the sum over all lights of [`LightRows`] with these kinds.
+/// WGSL of the twins of `kinds` (of [`shader_kinds`]), and `lights_irradiance(p, n)`: the sum over all lights of [`LightRows`] with these kinds.
 pub fn lights_wgsl(kinds: &[&str], lobe: &Lobe<f32>) -> String {
     let mut text = String::new();
     let foot = (-lobe.wrap()).acos();
