@@ -1,6 +1,5 @@
 //! The scene file: its form, the checks of its values, and the scene that comes of it.
 
-use std::cmp::Ordering;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
@@ -16,6 +15,12 @@ const VERSION: i64 = 1;
 
 /// World coordinates beyond this (metres) are a mistake.
 const LARGEST_WORLD: f64 = 1e12;
+
+/// Scale factors lie between this and its inverse.
+const SMALLEST_SCALE: f64 = 1e-12;
+
+/// Objects that are smaller than this (metres) are a mistake.
+const SMALLEST_OBJECT: f64 = 1e-12;
 
 /// The most frames of an animation.
 const MOST_FRAMES: i64 = 1 << 20;
@@ -57,7 +62,7 @@ pub struct SceneFile {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CameraFile {
-    eye: Finite3,
+    eye: Spanned<Finite3>,
     target: Spanned<Finite3>,
     up: Option<Spanned<Finite3>>,
     fov_y: Spanned<Finite>,
@@ -322,7 +327,12 @@ fn resolve_camera(source: &Source, file: &CameraFile) -> Result<Camera, InputErr
     if fov <= 0.0 || fov >= 180.0 {
         return Err(source.error(file.fov_y.span(), format!("fov_y {fov}; it must be above 0 and below 180 degrees")));
     }
-    let (eye, target) = (file.eye.vector(), file.target.get_ref().vector());
+    let (eye, target) = (file.eye.get_ref().vector(), file.target.get_ref().vector());
+    for (place, span) in [(eye, file.eye.span()), (target, file.target.span())] {
+        if place.abs().max_element() > LARGEST_WORLD {
+            return Err(source.error(span, format!("{place} lies beyond {LARGEST_WORLD:e} m")));
+        }
+    }
     if (target - eye).try_normalize().is_none() {
         return Err(source.error(file.target.span(), "the camera's target is its eye; it must lie elsewhere"));
     }
@@ -425,8 +435,15 @@ fn transform(source: &Source, file: &TransformFile) -> Result<Transform, InputEr
     let mut transform = Transform::default();
     if let Some(scale) = &file.scale {
         transform.scale = scale.get_ref().0;
-        if transform.scale.abs().min_element() < f64::MIN_POSITIVE {
+        let size = transform.scale.abs();
+        if size.min_element() == 0.0 {
             return Err(source.error(scale.span(), "a scale of 0; every factor must differ from 0"));
+        }
+        if size.min_element() < SMALLEST_SCALE || size.max_element() > 1.0 / SMALLEST_SCALE {
+            let allowed = format!("{SMALLEST_SCALE:e} to {:e}", 1.0 / SMALLEST_SCALE);
+            return Err(
+                source.error(scale.span(), format!("a scale of {}; its size lies in {allowed}", transform.scale))
+            );
         }
     }
     if let Some(rotate) = file.rotate {
@@ -506,11 +523,13 @@ impl Loader<'_> {
         };
         let map = transform.world_from_object();
         let (min, max) = mesh.bounds();
-        let far = super::OrientedBox::aligned(min, max).corners().into_iter().any(|corner| {
-            map.transform_point3(corner).abs().max_element().partial_cmp(&LARGEST_WORLD) != Some(Ordering::Less)
-        });
-        if far {
+        let placed = super::OrientedBox::aligned(min, max).carried(&map);
+        let near = |corner: DVec3| corner.is_finite() && corner.abs().max_element() <= LARGEST_WORLD;
+        if !placed.corners().into_iter().all(near) {
             return Err(source.error(object.span(), format!("the object reaches beyond {LARGEST_WORLD:e} m")));
+        }
+        if placed.half_diagonal() < SMALLEST_OBJECT {
+            return Err(source.error(object.span(), format!("the object is smaller than {SMALLEST_OBJECT:e} m")));
         }
         Ok(Placed { material, mesh, transform, path })
     }

@@ -56,8 +56,8 @@ impl Shape {
         match *self {
             Shape::Quad { center, u, v } => quads(&[[center - u - v, center + u - v, center + u + v, center - u + v]]),
             Shape::Box { min, max } => quads(&box_faces(min, max)),
-            Shape::Sphere { center, radius } => Ok(sphere(center, radius, self.area())),
-            Shape::Cylinder { base, top, radius } => Ok(cylinder(base, top, radius, self.area())),
+            Shape::Sphere { center, radius } => Ok(sphere(center, radius)),
+            Shape::Cylinder { base, top, radius } => Ok(cylinder(base, top, radius)),
         }
     }
 }
@@ -89,8 +89,8 @@ fn box_faces(min: DVec3, max: DVec3) -> [[DVec3; 4]; 6] {
     ]
 }
 
-/// A subdivided icosahedron whose flat area is `area`.
-fn sphere(center: DVec3, radius: f64, area: f64) -> Mesh {
+/// A subdivided icosahedron whose flat area is the sphere's.
+fn sphere(center: DVec3, radius: f64) -> Mesh {
     let golden = 0.5 * (1.0 + 5f64.sqrt());
     let mut directions: Vec<DVec3> = Vec::new();
     for (a, b) in [(1.0, golden), (-1.0, golden), (1.0, -golden), (-1.0, -golden)] {
@@ -130,19 +130,19 @@ fn sphere(center: DVec3, radius: f64, area: f64) -> Mesh {
     }
     let normals = triangles.iter().map(|t| t.map(|i| directions[i as usize])).collect();
     let unit = Mesh { positions: directions, triangles, normals };
-    let scale = radius * (area / (radius * radius * unit.area())).sqrt();
+    let scale = radius * (4.0 * PI / unit.area()).sqrt();
     Mesh { positions: unit.positions.iter().map(|d| center + *d * scale).collect(), ..unit }
 }
 
 /// A prism over a regular polygon of circumradius rho, closed, with
-/// n sin(2 pi/n) rho^2 + 2 n sin(pi/n) h rho = 2 pi r^2 + 2 pi r h = `area`.
-fn cylinder(base: DVec3, top: DVec3, radius: f64, area: f64) -> Mesh {
+/// n sin(2 pi/n) rho^2 + 2 n sin(pi/n) h rho = 2 pi r^2 + 2 pi r h.
+fn cylinder(base: DVec3, top: DVec3, radius: f64) -> Mesh {
     let height = (top - base).length();
     let axis = (top - base) / height;
     let n = CYLINDER_SIDES as f64;
-    let (a, b) = (n * (2.0 * PI / n).sin(), n * (PI / n).sin() * height);
-    // the positive root of a rho^2 + 2 b rho - area, in the form without cancellation, units of the radius against overflow
-    let (b, c) = (b / radius, area / (radius * radius));
+    // the positive root of a x^2 + 2 b x - c = 0 with x = rho/r, in the form without cancellation
+    let (a, b) = (n * (2.0 * PI / n).sin(), n * (PI / n).sin() * height / radius);
+    let c = 2.0 * PI * (1.0 + height / radius);
     let rho = radius * c / (b + (b * b + a * c).sqrt());
     let tangent = axis.any_orthonormal_vector();
     let bitangent = axis.cross(tangent);

@@ -8,7 +8,7 @@ use std::path::Path;
 use ::gltf::accessor::{DataType, Dimensions};
 use ::gltf::buffer::{Source, View};
 use ::gltf::mesh::Mode;
-use ::gltf::{Accessor, Gltf, Node, Primitive};
+use ::gltf::{Accessor, Document, Gltf, Node, Primitive};
 use glam::{DMat4, DVec3, Mat4};
 
 use super::{MOST_TRIANGLES, RawMesh, read_bounded};
@@ -25,8 +25,8 @@ pub(super) fn read(path: &Path, bytes: &[u8], assets: &mut Vec<Vec<u8>>) -> Resu
     if bytes.starts_with(b"glTF") && !glb_length_fits(bytes) {
         return Err(InputError::of_file(path, "truncated: the length in the header does not fit the file"));
     }
-    let document = Gltf::from_slice(bytes).map_err(|error| document_error(path, &error))?;
     let failed = |message: String| InputError::of_file(path, message);
+    let document = document(bytes).map_err(|error| document_error(path, &error))?;
     if let Some(name) = document.extensions_required().find(|name| GEOMETRY_EXTENSIONS.contains(name)) {
         return Err(failed(format!("needs the extension {name}, which is not read; export it uncompressed")));
     }
@@ -52,6 +52,25 @@ pub(super) fn read(path: &Path, bytes: &[u8], assets: &mut Vec<Vec<u8>>) -> Resu
         }
     }
     Ok(reader.mesh)
+}
+
+/// Parses and validates. The crate's validation indexes accessors by what the attributes say, so that is looked at first.
+fn document(bytes: &[u8]) -> Result<Gltf, ::gltf::Error> {
+    let Gltf { document, blob } = Gltf::from_slice_without_validation(bytes)?;
+    let json = document.into_json();
+    for (m, mesh) in json.meshes.iter().enumerate() {
+        for (p, primitive) in mesh.primitives.iter().enumerate() {
+            if primitive.attributes.values().any(|accessor| accessor.value() >= json.accessors.len()) {
+                let place =
+                    ::gltf::json::Path::new().field("meshes").index(m).field("primitives").index(p).field("attributes");
+                return Err(::gltf::Error::Validation(vec![(
+                    place,
+                    ::gltf::json::validation::Error::IndexOutOfBounds,
+                )]));
+            }
+        }
+    }
+    Ok(Gltf { document: Document::from_json(json)?, blob })
 }
 
 /// Whether the total length in a binary file's header holds a chunk and lies in the file.
@@ -169,7 +188,8 @@ impl Meshes {
             self.mesh.triangles.push(turned.map(|i| base + i));
             if let Some(normals) = &normals {
                 self.mesh.normals.resize(self.mesh.triangles.len() - 1, [None; 3]);
-                let carried = |i: u32| (normal_map * normals[i as usize]).try_normalize();
+                let carried =
+                    |i: u32| Some(normal_map * normals[i as usize]).filter(|n| n.is_finite() && *n != DVec3::ZERO);
                 self.mesh.normals.push(turned.map(carried));
             }
         }

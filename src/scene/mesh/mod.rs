@@ -39,15 +39,21 @@ pub struct Mesh {
 impl Mesh {
     /// Reads a mesh file with everything that it refers to; `assets` collects the bytes that were read.
     pub fn read(path: &Path, assets: &mut Vec<Vec<u8>>) -> Result<Self, InputError> {
-        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
         let bytes = read_bounded(path)?;
+        let mesh = Self::of_bytes(path, &bytes, assets)?;
+        assets.push(bytes);
+        Ok(mesh)
+    }
+
+    /// The mesh of a file's bytes; its name says the format, its folder is where other files are looked for.
+    pub fn of_bytes(path: &Path, bytes: &[u8], assets: &mut Vec<Vec<u8>>) -> Result<Self, InputError> {
+        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
         let raw = match extension.as_str() {
-            "obj" => obj::read(path, &bytes),
-            "ply" => ply::read(path, &bytes),
-            "gltf" | "glb" => gltf::read(path, &bytes, assets),
+            "obj" => obj::read(path, bytes),
+            "ply" => ply::read(path, bytes),
+            "gltf" | "glb" => gltf::read(path, bytes, assets),
             _ => Err(InputError::of_file(path, format!("no mesh file: its name must end in {}", extension_list()))),
         }?;
-        assets.push(bytes);
         raw.finish().map_err(|message| InputError::of_file(path, message))
     }
 

@@ -17,14 +17,14 @@ const MOST_AROUND_A_VERTEX: usize = 1 << 14;
 /// (angle weights: Thürmer and Wüthrich 1998). Vertices at the same place count as one.
 pub(super) fn complete(raw: &RawMesh) -> Result<Vec<[DVec3; 3]>, String> {
     if raw.normals.iter().flatten().all(Option::is_some) && !raw.normals.is_empty() {
-        return Ok(raw.normals.iter().map(|n| n.map(|n| n.expect("just seen").normalize())).collect());
+        return Ok(raw.normals.iter().map(|n| n.map(|n| unit(n.expect("just seen")))).collect());
     }
     let faces: Vec<DVec3> = raw
         .triangles
         .iter()
         .map(|t| {
             let [a, b, c] = t.map(|i| raw.positions[i as usize]);
-            (b - a).cross(c - a).normalize()
+            unit((b - a).cross(c - a))
         })
         .collect();
     let around = faces_around_places(raw);
@@ -45,9 +45,14 @@ pub(super) fn complete(raw: &RawMesh) -> Result<Vec<[DVec3; 3]>, String> {
     Ok((0..faces.len())
         .map(|t| {
             let given = raw.normals.get(t).copied().unwrap_or([None; 3]);
-            [0, 1, 2].map(|corner| given[corner].map_or_else(|| smooth(t, corner), DVec3::normalize))
+            [0, 1, 2].map(|corner| given[corner].map_or_else(|| smooth(t, corner), unit))
         })
         .collect())
+}
+
+/// A vector of any length but zero, made unit without overflow or underflow of its square.
+fn unit(v: DVec3) -> DVec3 {
+    (v / v.abs().max_element()).normalize()
 }
 
 /// The key of a position: its bits, with -0 and 0 the same.
