@@ -4,8 +4,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{Exit, Failure};
+use super::{Exit, Failure, print};
 use crate::experiment::{Backend, Candidate, Experiment, Filter, Override};
+use crate::figure::table::Table;
+use crate::figure::{figures_of, summary};
 use crate::run::{
     Ending, Store, Sweep, SweepError, SweepOptions, claims, interrupt, results, sweep, thresholds, write_atomic,
 };
@@ -37,6 +39,9 @@ pub struct Run {
     /// Stop at the first run that fails
     #[arg(long)]
     fail_fast: bool,
+    /// Draw no figures
+    #[arg(long)]
+    no_figures: bool,
 }
 
 impl Run {
@@ -83,6 +88,12 @@ impl Run {
             swept.failed(),
             store.root().display(),
         );
+        let table = Table::read(&store.root().join("results.csv")).map_err(Failure::internal)?;
+        if !self.no_figures && !swept.interrupted {
+            let drawn = figures_of(&table, store.root()).map_err(Failure::internal)?;
+            eprintln!("{} figures in {}", drawn.len(), store.root().join("figures").display());
+        }
+        print(summary(&table))?;
         say_claims(&experiment, &swept, &store)?;
         let mut exit = say_thresholds(&experiment, &swept);
         if swept.interrupted {

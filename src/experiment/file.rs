@@ -108,6 +108,7 @@ impl<'de> Deserialize<'de> for EffectsMode {
 pub struct TimingFile {
     pub warmup: Option<Spanned<i64>>,
     pub repeat: Option<Spanned<i64>>,
+    pub only: Option<Spanned<AxisTable>>,
 }
 
 #[derive(Debug, Deserialize)]

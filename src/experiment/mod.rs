@@ -115,6 +115,8 @@ pub struct Experiment {
     pub seed: u64,
     pub image: ImageSettings,
     pub timing: TimingSettings,
+    /// Which runs are timed; absent: all.
+    pub timed: Option<Selection>,
     pub reference: ReferenceSettings,
     pub effects: EffectsChoice,
     pub thresholds: Vec<Threshold>,
@@ -249,6 +251,7 @@ impl<'f> Reader<'f> {
             "reference": reference,
         }));
         let candidates = self.candidates(shared)?;
+        let timed = self.timed(&candidates)?;
         let thresholds = self.thresholds(&candidates)?;
         let claims = self.claims(&candidates)?;
         Ok(Experiment {
@@ -259,6 +262,7 @@ impl<'f> Reader<'f> {
             seed,
             image,
             timing,
+            timed,
             reference,
             effects,
             thresholds,
@@ -529,6 +533,17 @@ impl<'f> Reader<'f> {
             return Err(source.unknown_word(span, "rig", word, [DIRECT].into_iter().chain(names)));
         }
         Ok(Choice { text: word.to_owned(), span, value: definition })
+    }
+
+    /// `[timing] only = { ... }`: axes and values as in an exclude.
+    fn timed(&self, candidates: &[Candidate]) -> Result<Option<Selection>, InputError> {
+        let Some(only) = self.file.timing.as_ref().and_then(|timing| timing.only.as_ref()) else { return Ok(None) };
+        let known = KnownValues::of(candidates, self.aliases.clone());
+        let selection = Selection::of_table(only.get_ref(), self.source, &known)?;
+        match candidates.iter().any(|candidate| selection.matches(candidate)) {
+            true => Ok(Some(selection)),
+            false => Err(self.source.error(only.span(), "`only` matches no run: nothing would be timed")),
+        }
     }
 
     fn claims(&self, candidates: &[Candidate]) -> Result<Vec<Claim>, InputError> {

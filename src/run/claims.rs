@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::sweep::{Run, Sweep};
-use crate::experiment::{Axis, Claim};
+use crate::experiment::{Axis, Backend, Claim};
 
 /// What judges a rig here: what it adds to the error of its order.
 const METRIC: &str = "interpolation_nrmse";
@@ -59,6 +59,8 @@ pub fn wilson(successes: usize, trials: usize) -> (f64, f64) {
 /// Every claim on every scene x lights (a family of random layouts together) x order x backend on which both sides were measured.
 pub fn verdicts(claims: &[Claim], sweep: &Sweep) -> Vec<Verdict> {
     let mut all = Vec::new();
+    let on_cpu = sweep.runs.iter().any(|run| run.candidate.backend == Backend::Cpu);
+    let backend = if on_cpu { Backend::Cpu } else { Backend::Gpu };
     for claim in claims {
         // place without the layout's number -> layout -> smallest error of each side
         type Sides = (Option<f64>, Option<f64>);
@@ -66,6 +68,10 @@ pub fn verdicts(claims: &[Claim], sweep: &Sweep) -> Vec<Verdict> {
         let mut order_of_places: Vec<[String; 4]> = Vec::new();
         for run in &sweep.runs {
             let Some(error) = error(run) else { continue };
+            // the same question on the other backend has the same answer
+            if run.candidate.backend != backend {
+                continue;
+            }
             let rig = run.candidate.column(Axis::Rig).unwrap_or_default();
             let (ours, theirs) = (claim.rigs.iter().any(|r| r == rig), claim.against.iter().any(|r| r == rig));
             if !ours && !theirs {

@@ -464,8 +464,12 @@ fn times(
         repeat: experiment.timing.repeat,
         algorithms: ALGORITHMS.timing,
     };
-    // a family of random layouts is timed on its first: the others have as many lights
-    let is_timed = |run: &Run| run.findings().is_some() && run.candidate.lights.instance.index.unwrap_or(0) == 0;
+    // random layouts are there for rates of quality; what they cost, layouts of as many lights show
+    let is_timed = |run: &Run| {
+        run.findings().is_some()
+            && run.candidate.lights.instance.index.is_none()
+            && experiment.timed.as_ref().is_none_or(|only| only.matches(&run.candidate))
+    };
     for run in runs.iter_mut().filter(|run| is_timed(run)) {
         let kept = store.timing(&run.identity.key(), &identity_of(run));
         run.times = kept.and_then(|times| serde_json::from_value(times).ok());
