@@ -128,6 +128,7 @@ fn dots() {
             format: Format::Plain,
             scale: Scale::Linear { low: 0.5, high: 10.5 },
             guide: None,
+            absent: "no value".into(),
             dots: dots.collect(),
         }
     };
@@ -161,7 +162,8 @@ fn heat_map() {
             .to_vec(),
         rows,
         values,
-        mark_smallest: true,
+        marked: vec![true; 10],
+        mark_label: "best of its column".into(),
     }
     .figure();
     keep(&figure, "heat-map");

@@ -24,6 +24,8 @@ pub struct DotPanel {
     pub scale: Scale,
     /// A line to compare with.
     pub guide: Option<f64>,
+    /// What stands where there is no value.
+    pub absent: String,
     /// One for each name; none where it has no value.
     pub dots: Vec<Option<Dot>>,
 }
@@ -106,7 +108,7 @@ impl DotPanel {
         for (i, dot) in self.dots.iter().enumerate() {
             let y = row(i);
             let Some(dot) = dot else {
-                drawing.text([area.x + 4.0, y + 0.5 * CAP * TICK], "no value", TICK, GREY, Anchor::Start);
+                drawing.text([area.x + 4.0, y + 0.5 * CAP * TICK], &self.absent, TICK, GREY, Anchor::Start);
                 continue;
             };
             for v in &dot.each {

@@ -5,7 +5,7 @@ use super::drawing::{Anchor, CAP, Drawing, Rect, Stroke};
 use super::label::{self, Label, Obstacles};
 use super::panel::{Axis, Panel};
 use super::pareto::{Halving, front, halving};
-use super::scale::{Format, Scale};
+use super::scale::{Format, Scale, next_to_nothing};
 use super::style::{ACCENT, GREY, INK, LABEL, MUTED, SUBTITLE, TICK, TITLE, WHITE};
 use super::table::Table;
 
@@ -82,7 +82,8 @@ impl Fronts {
 
         let cell = |i: usize| Rect::new(12.0 + (i % 2) as f64 * CELL.0, TOP + (i / 2) as f64 * CELL.1, CELL.0, CELL.1);
         let errors: Vec<f64> = self.points.iter().filter_map(|p| p.error).collect();
-        let scale = Scale::log(errors.iter().copied());
+        let scale = Scale::log_errors(errors.iter().copied());
+        let floor = next_to_nothing(errors.iter().copied());
         let mut data = Table::new(&["cost", "candidate", "run", "order", "cost_value", "error", "on_front"]);
         let mut prices = Vec::new();
         let mut unnamed = 0;
@@ -105,7 +106,7 @@ impl Fronts {
             }
             let members: Vec<(f64, f64)> =
                 pairs.iter().zip(&on_front).filter(|(_, on)| **on).filter_map(|(p, _)| Some((p.0?, p.1?))).collect();
-            prices.push((*c, halving(&members), members.len()));
+            prices.push((*c, halving(&members, floor), members.len()));
             unnamed += self.panel(&mut drawing, cell(place), *c, scale, &on_front);
         }
         self.legend(&mut drawing, cell(cells - 1), &prices, unnamed > 0);
@@ -170,7 +171,7 @@ impl Fronts {
                 text: self.points[i].name.clone(),
                 size: TICK,
                 colour: if on_front[i] { INK } else { MUTED },
-                rank: if on_front[i] { i } else { self.points.len() + i },
+                rank: usize::from(!on_front[i]),
                 patience: if on_front[i] { label::ANY } else { label::LITTLE },
             });
         }
@@ -207,7 +208,14 @@ impl Fronts {
                 entry(drawing, &|d, p| marker(d, p, Some(order), true), &text);
             }
         }
-        if self.points.iter().any(|p| p.error.is_some_and(|e| e <= 0.0)) {
+        let floor = next_to_nothing(self.points.iter().filter_map(|p| p.error));
+        if self.points.iter().any(|p| p.error.is_some_and(|e| e < floor)) {
+            let near = |d: &mut Drawing, p: [f64; 2]| {
+                d.text([p[0], p[1] + 0.5 * CAP * LABEL], "≈ 0", LABEL, MUTED, Anchor::Middle);
+            };
+            let text = format!("error under {}: below the broken axis", Format::Percent.write(floor));
+            entry(drawing, &near, &text);
+        } else if self.points.iter().any(|p| p.error.is_some_and(|e| e <= 0.0)) {
             let zero = |d: &mut Drawing, p: [f64; 2]| {
                 d.text([p[0], p[1] + 0.5 * CAP * LABEL], "0", LABEL, MUTED, Anchor::Middle);
             };

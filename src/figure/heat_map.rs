@@ -26,12 +26,15 @@ pub struct HeatMap {
     pub rows: Vec<String>,
     /// `values[row][column]`, columns counted over all groups.
     pub values: Vec<Vec<Option<f64>>>,
-    /// Marks the best (smallest) value of each column.
-    pub mark_smallest: bool,
+    /// The rows among which the smallest value of each column is marked, and what the mark means; no rows, no mark.
+    pub marked: Vec<bool>,
+    pub mark_label: String,
 }
 
 const CELL: (f64, f64) = (58.0, 28.0);
 const GROUP_GAP: f64 = 10.0;
+/// Length of the colour bar.
+const BAR: f64 = 200.0;
 
 impl HeatMap {
     pub fn figure(&self) -> Figure {
@@ -44,7 +47,10 @@ impl HeatMap {
         let gaps = GROUP_GAP * self.groups.len().saturating_sub(1) as f64;
         let plot = CELL.0 * names.len() as f64 + gaps;
         let head = text_width(&self.title, TITLE).max(text_width(&self.subtitle, SUBTITLE)) + 32.0;
-        let width = (left + plot + 24.0).max(head).max(460.0);
+        let marks = self.marked.contains(&true);
+        let beside = |label: &str, extra: f64| if label.is_empty() { 0.0 } else { text_width(label, TICK) + extra };
+        let legend = beside(&self.value_label, 14.0) + if marks { beside(&self.mark_label, 42.0) + 24.0 } else { 0.0 };
+        let width = (left + plot + 24.0).max(head).max(left + BAR + legend + 16.0);
         let bottom = top + CELL.1 * self.rows.len() as f64;
         let description = format!("{}. {}. {}.", self.title, self.subtitle, self.value_label);
         let mut drawing = Drawing::new(width, bottom + 70.0, description);
@@ -78,19 +84,20 @@ impl HeatMap {
             let y = top + (r as f64 + 0.5) * CELL.1 + 0.5 * CAP * LABEL;
             drawing.text([left - 10.0, y], fitted(row, LABEL, widest), LABEL, INK, Anchor::End);
         }
-        let length = 220f64.min(width - left - 24.0);
         let bar = ColourBar { scale: self.scale, map: self.map, format: self.format, label: self.value_label.clone() };
-        bar.draw(&mut drawing, Rect::new(left, bottom + 18.0, length, 11.0));
-        if self.mark_smallest {
-            let x = left + length + 30.0 + text_width(&self.value_label, TICK);
+        bar.draw(&mut drawing, Rect::new(left, bottom + 18.0, BAR, 11.0));
+        if marks {
+            let x = left + BAR + 38.0 + text_width(&self.value_label, TICK);
             drawing.rect(Rect::new(x, bottom + 17.0, 18.0, 13.0), None, Some(Stroke::new(INK, 2.0)));
-            drawing.text([x + 26.0, bottom + 28.0], "best of its column", TICK, MUTED, Anchor::Start);
+            drawing.text([x + 26.0, bottom + 28.0], &self.mark_label, TICK, MUTED, Anchor::Start);
         }
         Figure { drawing, data }
     }
 
     fn column(&self, drawing: &mut Drawing, [x, top]: [f64; 2], column: usize) {
-        let smallest = self.values.iter().filter_map(|row| row[column]).fold(f64::MAX, f64::min);
+        let is_marked = |r: usize| self.marked.get(r).is_some_and(|m| *m);
+        let marked = (0..self.values.len()).filter(|r| is_marked(*r)).filter_map(|r| self.values[r][column]);
+        let smallest = marked.fold(f64::MAX, f64::min);
         for (r, row) in self.values.iter().enumerate() {
             let cell = Rect::new(x, top + r as f64 * CELL.1, CELL.0, CELL.1).grown(-1.0);
             let [cx, cy] = cell.center();
@@ -104,7 +111,7 @@ impl HeatMap {
             let ink = if colour.is_light() { INK } else { WHITE };
             let text = self.format.write(two_digits(value)).replace(" %", "");
             drawing.text(baseline, text, TICK, ink, Anchor::Middle);
-            if self.mark_smallest && value == smallest {
+            if is_marked(r) && value == smallest {
                 drawing.rect(cell.grown(-1.0), None, Some(Stroke::new(INK, 2.0)));
             }
         }

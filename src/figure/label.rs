@@ -48,14 +48,16 @@ const BLOCKED: f64 = 1e6;
 /// The patience of a label that stands wherever it can without lying on something.
 pub const ANY: f64 = BLOCKED;
 /// The patience of a label that is left out rather than far away or on a line.
-pub const LITTLE: f64 = 38.0;
+pub const LITTLE: f64 = 26.0;
 
 /// Places labels within `bounds`; a label that finds no free place is left out.
 pub fn place(labels: &[Label], obstacles: &Obstacles, bounds: &Rect) -> Vec<Placed> {
-    let mut order: Vec<usize> = (0..labels.len()).collect();
-    order.sort_by_key(|i| labels[*i].rank);
     let candidates: Vec<Vec<(Placed, f64)>> =
         labels.iter().enumerate().map(|(i, l)| candidates(i, l, obstacles, bounds)).collect();
+    // of one rank, those that have a good place come first
+    let best = |i: usize| candidates[i].iter().map(|c| c.1).fold(f64::MAX, f64::min);
+    let mut order: Vec<usize> = (0..labels.len()).collect();
+    order.sort_by(|a, b| labels[*a].rank.cmp(&labels[*b].rank).then(best(*a).total_cmp(&best(*b))));
     let mut chosen: Vec<Option<Placed>> = vec![None; labels.len()];
     // later rounds move a label once all others have theirs
     for _round in 0..4 {
@@ -89,7 +91,7 @@ fn candidates(index: usize, label: &Label, obstacles: &Obstacles, bounds: &Rect)
     let (width, height) = (text_width(&label.text, label.size) + 2.0 * AIR, (CAP + 0.22) * label.size + 2.0 * AIR);
     let [x, y] = label.point;
     let mut found = Vec::new();
-    for (ring, distance) in DISTANCES.into_iter().enumerate() {
+    for distance in DISTANCES {
         for direction in 0..DIRECTIONS {
             let (sin, cos) = (std::f64::consts::TAU * direction as f64 / DIRECTIONS as f64).sin_cos();
             // the box touches the ring: its centre is pushed out by its extent in that direction
@@ -113,7 +115,7 @@ fn candidates(index: usize, label: &Label, obstacles: &Obstacles, bounds: &Rect)
                 [[x + start * (touch[0] - x), y + start * (touch[1] - y)], touch]
             });
             // near before far; right before left, above and below between
-            let mut cost = 3.0 * ring as f64 + if leader.is_some() { 6.0 } else { 0.0 } + 1.2 * (1.0 - cos);
+            let mut cost = 0.45 * distance + if leader.is_some() { 5.0 } else { 0.0 } + 1.2 * (1.0 - cos);
             cost += obstacle_cost(&rect, leader, label.point, obstacles);
             if cost < BLOCKED {
                 found.push((Placed { label: index, rect, leader }, cost));

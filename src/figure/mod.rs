@@ -5,6 +5,7 @@ pub mod colour_map;
 pub mod contact_sheet;
 pub mod curves;
 pub mod dots;
+mod draw_all;
 pub mod drawing;
 pub mod fronts;
 pub mod heat_map;
@@ -14,7 +15,9 @@ pub mod pareto;
 mod raster;
 pub mod scale;
 pub mod split;
+pub mod statistics;
 pub mod style;
+pub mod summary;
 mod svg;
 pub mod table;
 
@@ -22,6 +25,7 @@ use std::io;
 use std::path::Path;
 
 use crate::output::write_whole;
+pub use draw_all::figures_of;
 use drawing::Drawing;
 use table::Table;
 

@@ -35,11 +35,12 @@ impl Halving {
     }
 }
 
-/// The price of a halving of the error over the points of a front, (cost, error); none where fewer than two points have a positive
-/// cost and a positive error, or all errors are equal: a ratio to zero says nothing.
-pub fn halving(front: &[(f64, f64)]) -> Option<Halving> {
-    let logs: Vec<(f64, f64)> =
-        front.iter().filter(|(c, e)| *c > 0.0 && *e > 0.0).map(|(c, e)| (e.log2(), c.log2())).collect();
+/// The price of a halving of the error over the points of a front, (cost, error), those below `floor` left out
+/// ([`super::scale::next_to_nothing`]); none where fewer than two points have a positive cost and a positive error, or all errors are
+/// equal: a ratio to zero says nothing.
+pub fn halving(front: &[(f64, f64)], floor: f64) -> Option<Halving> {
+    let counts = |(cost, error): &&(f64, f64)| *cost > 0.0 && *error > 0.0 && *error >= floor;
+    let logs: Vec<(f64, f64)> = front.iter().filter(counts).map(|(c, e)| (e.log2(), c.log2())).collect();
     let n = logs.len() as f64;
     let mean = |f: &dyn Fn(&(f64, f64)) -> f64| logs.iter().map(f).sum::<f64>() / n;
     let (x, y) = (mean(&|p| p.0), mean(&|p| p.1));
@@ -84,13 +85,19 @@ mod tests {
     fn a_halving_costs_what_was_planted() {
         // cost = 10 error^-1.5: a halving costs 2^1.5
         let exact: Vec<(f64, f64)> = [0.5f64, 0.2, 0.1, 0.01].iter().map(|e| (10.0 * e.powf(-1.5), *e)).collect();
-        let Some(Halving::Regression { factor, points: 4 }) = halving(&exact) else { panic!("a regression") };
+        let Some(Halving::Regression { factor, points: 4 }) = halving(&exact, 0.0) else { panic!("a regression") };
         assert!((factor - 2f64.powf(1.5)).abs() < 1e-9);
         assert!(
-            matches!(halving(&exact[..2]), Some(Halving::Ends { factor }) if (factor - 2f64.powf(1.5)).abs() < 1e-9)
+            matches!(halving(&exact[..2], 0.0), Some(Halving::Ends { factor }) if (factor - 2f64.powf(1.5)).abs() < 1e-9)
         );
-        assert_eq!(halving(&exact[..1]), None);
-        assert_eq!(halving(&[(1.0, 0.1), (2.0, 0.0)]), None);
-        assert_eq!(halving(&[(1.0, 0.1), (2.0, 0.1)]), None);
+        // a point of rounding alone would turn the line; it is left out
+        let mut rounding = exact.clone();
+        rounding.push((1e5, 1e-8));
+        let tilted = halving(&rounding, 0.0).unwrap().factor();
+        let kept = halving(&rounding, 1e-5).unwrap().factor();
+        assert!((kept - 2f64.powf(1.5)).abs() < 1e-9 && (tilted - kept).abs() > 0.1, "{tilted} {kept}");
+        assert_eq!(halving(&exact[..1], 0.0), None);
+        assert_eq!(halving(&[(1.0, 0.1), (2.0, 0.0)], 0.0), None);
+        assert_eq!(halving(&[(1.0, 0.1), (2.0, 0.1)], 0.0), None);
     }
 }

@@ -60,6 +60,14 @@ fn superscript(c: char) -> char {
     }
 }
 
+/// Below this power of ten an error is next to nothing among others: under a thousandth of their median, and 0.01 %. A direct evaluation
+/// that is right up to rounding would otherwise take an axis, or a fit, for itself.
+pub fn next_to_nothing(errors: impl IntoIterator<Item = f64>) -> f64 {
+    let mut positive: Vec<f64> = errors.into_iter().filter(|e| *e > 0.0).collect();
+    positive.sort_unstable_by(f64::total_cmp);
+    positive.get(positive.len() / 2).map_or(0.0, |median| 10f64.powf((1e-3 * median).min(1e-4).log10().floor()))
+}
+
 /// From values to a place along an axis, 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Scale {
@@ -71,11 +79,13 @@ pub enum Scale {
     Root {
         high: f64,
     },
-    /// `zero` is the share of the axis at its low end that is kept for values that are zero: they are shown, not dropped.
+    /// `zero` is the share of the axis at its low end that is kept for values that are zero, or next to it: they are shown, not
+    /// dropped. `exact` says that all of these are zero.
     Log {
         low: f64,
         high: f64,
         zero: f64,
+        exact: bool,
     },
 }
 
@@ -100,21 +110,33 @@ impl Scale {
 
     /// A logarithmic scale that holds the positive values with some air, and a strip for zero where one is zero.
     pub fn log(values: impl IntoIterator<Item = f64> + Clone) -> Self {
-        let zero = values.clone().into_iter().any(|v| v <= 0.0);
-        let (low, high) = bounds(values.into_iter().filter(|v| *v > 0.0)).unwrap_or((1.0, 10.0));
+        Self::log_above(values, 0.0)
+    }
+
+    /// The same for errors: those next to nothing ([`next_to_nothing`]) stand in the strip and leave the axis to the others.
+    pub fn log_errors(values: impl IntoIterator<Item = f64> + Clone) -> Self {
+        let floor = next_to_nothing(values.clone());
+        Self::log_above(values, floor)
+    }
+
+    fn log_above(values: impl IntoIterator<Item = f64> + Clone, floor: f64) -> Self {
+        let kept = |v: &f64| *v > 0.0 && *v >= floor;
+        let zero = values.clone().into_iter().any(|v| !kept(&v));
+        let exact = values.clone().into_iter().all(|v| v <= 0.0 || kept(&v));
+        let (low, high) = bounds(values.into_iter().filter(kept)).unwrap_or((1.0, 10.0));
         let decades = (high / low).log10();
         // one value alone, or nearly so, still gets most of a decade
         let air = (0.07 * decades).max(0.06).max(0.5 * (0.7 - decades));
         let factor = 10f64.powf(air);
-        Self::Log { low: low / factor, high: high * factor, zero: if zero { 0.09 } else { 0.0 } }
+        Self::Log { low: low / factor, high: high * factor, zero: if zero { 0.09 } else { 0.0 }, exact }
     }
 
     pub fn position(&self, value: f64) -> f64 {
         match *self {
             Self::Linear { low, high } => (value - low) / (high - low),
             Self::Root { high } => (value.max(0.0) / high).sqrt(),
-            Self::Log { zero, .. } if value <= 0.0 => 0.4 * zero,
-            Self::Log { low, high, zero } => zero + (1.0 - zero) * (value / low).ln() / (high / low).ln(),
+            Self::Log { low, zero, .. } if value <= 0.0 || (zero > 0.0 && value < low) => 0.4 * zero,
+            Self::Log { low, high, zero, .. } => zero + (1.0 - zero) * (value / low).ln() / (high / low).ln(),
         }
     }
 
@@ -162,7 +184,12 @@ impl Scale {
                     let last = (high / step).floor() as i64;
                     (first..=last).map(|i| i as f64 * step).collect()
                 };
-                let room = (length / if horizontal { 56.0 } else { 30.0 }).max(2.0);
+                let wanted = match (horizontal, format) {
+                    (true, Format::Count) => 24.0,
+                    (true, _) => 52.0,
+                    (false, _) => 30.0,
+                };
+                let room = (length / wanted).max(2.0);
                 let step = steps
                     .filter(|s| (high - low) / s <= room && (high - low) / s < 1e3)
                     .filter(|s| format != Format::Count || s.fract() == 0.0)
@@ -202,10 +229,17 @@ impl Scale {
                 ticks
             }
         };
-        if let Self::Log { zero, .. } = *self
+        if let Self::Log { zero, exact, .. } = *self
             && zero > 0.0
         {
-            ticks.push(Tick { value: 0.0, label: Some("0".into()) });
+            let label = if exact { "0" } else { "≈ 0" };
+            let half = |label: &str| 0.5 * if horizontal { text_width(label, TICK) + 8.0 } else { 1.4 * TICK };
+            let end = self.position(0.0) * length + half(label);
+            for tick in &mut ticks {
+                let start = self.position(tick.value) * length;
+                tick.label = tick.label.take().filter(|l| start - half(l) >= end);
+            }
+            ticks.push(Tick { value: 0.0, label: Some(label.into()) });
         }
         ticks
     }
@@ -275,5 +309,12 @@ mod tests {
     fn zero_has_a_place_below_every_positive_value() {
         let scale = Scale::log([0.0, 1e-12, 1.0]);
         assert!(scale.position(0.0) >= 0.0 && scale.position(0.0) < scale.position(1e-12));
+        // an error of rounding does not squeeze the others together
+        let scale = Scale::log_errors([3e-8, 0.04, 0.05, 0.3]);
+        assert!(scale.position(3e-8) < scale.position(0.04) && scale.position(0.3) - scale.position(0.04) > 0.6);
+        let squeezed = Scale::log([3e-8, 0.04, 0.05, 0.3]);
+        assert!(squeezed.position(0.3) - squeezed.position(0.04) < 0.2);
+        // small errors among small errors are errors
+        assert!((next_to_nothing([1e-7, 2e-7, 5e-7]) / 1e-10 - 1.0).abs() < 1e-9);
     }
 }

@@ -136,6 +136,7 @@ fn over_frames(frames: &[Row], column: &str) -> String {
 }
 
 /// Rows that agree in some columns.
+#[derive(Clone, Debug)]
 pub struct Group<'a> {
     /// The values of those columns.
     pub key: Vec<&'a str>,
