@@ -5,18 +5,54 @@ use rigbench::figure::colour_map::ColourMap;
 use rigbench::figure::contact_sheet::{ContactSheet, Shown};
 use rigbench::figure::curves::{CurvePoint, Curves, Quantity, Series};
 use rigbench::figure::dots::{Dot, DotPanel, Dots};
+use rigbench::figure::drawing::{Anchor, Drawing, Item, Rect};
 use rigbench::figure::fronts::{Fronts, Point};
 use rigbench::figure::heat_map::{ColumnGroup, HeatMap};
 use rigbench::figure::scale::{Format, Scale};
 use rigbench::figure::split::{Split, SplitPanel, SplitRow};
+use rigbench::figure::style::INK;
+use rigbench::figure::table::Table;
 use rigbench::math::{Stream, StreamPurpose};
 use rigbench::picture::Picture;
 
-/// Writes a figure where the gallery is asked for.
+/// Texts that lie on each other or leave the drawing.
+fn misplaced(figure: &Figure) -> Vec<String> {
+    let boxes = figure.drawing.text_boxes();
+    let page = Rect::new(0.0, 0.0, figure.drawing.width, figure.drawing.height);
+    let mut found = Vec::new();
+    for (i, (text, rect)) in boxes.iter().enumerate() {
+        if rect.overlap(&page) < 0.999 * rect.width * rect.height {
+            found.push(format!("`{text}` leaves the page"));
+        }
+        let others = boxes[..i].iter().filter(|(_, other)| rect.overlap(other) > 0.0);
+        found.extend(others.map(|(other, _)| format!("`{text}` lies on `{other}`")));
+    }
+    found
+}
+
+/// Checks a figure, and writes it where the gallery is asked for.
 fn keep(figure: &Figure, name: &str) {
+    assert_eq!(misplaced(figure), Vec::<String>::new(), "{name}");
+    let smallest =
+        figure.drawing.items.iter().filter_map(|i| if let Item::Text { size, .. } = i { Some(*size) } else { None });
+    assert!(smallest.fold(f64::MAX, f64::min) >= 12.0, "{name} has text that is too small");
+    assert!(!figure.data.rows.is_empty(), "{name} has no data");
+    assert_eq!(figure.svg(), figure.clone().svg());
     if let Some(folder) = std::env::var_os("RIGBENCH_GALLERY") {
         figure.write(std::path::Path::new(&folder), name).unwrap();
     }
+}
+
+#[test]
+fn a_misplaced_text_is_seen() {
+    let mut drawing = Drawing::new(200.0, 100.0, "");
+    drawing.text([10.0, 50.0], "lattice", 12.0, INK, Anchor::Start);
+    drawing.text([10.0, 70.0], "mixed", 12.0, INK, Anchor::Start);
+    let mut figure = Figure { drawing, data: Table::new(&["a"]) };
+    assert!(misplaced(&figure).is_empty());
+    figure.drawing.text([30.0, 52.0], "gradient", 12.0, INK, Anchor::Start);
+    figure.drawing.text([180.0, 90.0], "constant", 12.0, INK, Anchor::Start);
+    assert_eq!(misplaced(&figure).len(), 2);
 }
 
 /// Rigs as (name, SH vectors, error); times follow from the vectors as they do on a processor.

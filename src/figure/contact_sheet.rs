@@ -5,7 +5,7 @@ use super::colour_map::ColourMap;
 use super::drawing::{Anchor, Drawing, Rect, fitted, text_width};
 use super::heat_map::ColourBar;
 use super::scale::{Format, Scale};
-use super::style::{INK, LABEL, MUTED, PANEL_TITLE, SUBTITLE, TICK, TITLE};
+use super::style::{INK, LABEL, MUTED, PANEL_TITLE, TICK, TITLE};
 use super::table::Table;
 use crate::math::{Irradiance, Rgb};
 use crate::picture::{Exposure, Picture};
@@ -54,8 +54,7 @@ impl ContactSheet {
         let width = (32.0 + (across + 1) as f64 * (cell.0 + GAP)).max(text_width(&self.title, TITLE) + 32.0);
         let line_height = CAPTION + 2.0 * cell.1 + GAP + 18.0;
         let mut drawing = Drawing::new(width, TOP + lines as f64 * line_height + 4.0, self.description());
-        drawing.text([16.0, 30.0], &self.title, TITLE, INK, Anchor::Start);
-        drawing.text([16.0, 51.0], &self.subtitle, SUBTITLE, MUTED, Anchor::Start);
+        drawing.heading(&self.title, &self.subtitle);
 
         let exposure = Exposure::of_reference(&self.reflected(&self.reference));
         let scale = self.error_scale();

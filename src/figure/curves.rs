@@ -4,7 +4,7 @@ use super::Figure;
 use super::drawing::{Anchor, CAP, Drawing, Rect, Stroke, text_width};
 use super::panel::{Axis, Panel};
 use super::scale::{Format, Scale};
-use super::style::{INK, MUTED, SERIES, SUBTITLE, TICK, TITLE, WHITE};
+use super::style::{SERIES, TICK, WHITE};
 use super::table::Table;
 
 /// One curve.
@@ -48,8 +48,7 @@ impl Curves {
         let (width, height) = (PLOT.0 + names + 40.0, TOP + PLOT.1 + 14.0);
         let description = format!("{}. {}. {} against {}.", self.title, self.subtitle, self.y.label, self.x.label);
         let mut drawing = Drawing::new(width, height, description);
-        drawing.text([16.0, 30.0], &self.title, TITLE, INK, Anchor::Start);
-        drawing.text([16.0, 51.0], &self.subtitle, SUBTITLE, MUTED, Anchor::Start);
+        drawing.heading(&self.title, &self.subtitle);
 
         let points = || self.series.iter().flat_map(|s| &s.points);
         let xs: Vec<f64> = points().map(|p| p.x).collect();

@@ -53,8 +53,7 @@ impl Dots {
         let width = (left + panels * PANEL + (panels - 1.0) * GAP + 28.0).max(head);
         let description = format!("{}. {}.", self.title, self.subtitle);
         let mut drawing = Drawing::new(width, bottom + 54.0, description);
-        drawing.text([16.0, 30.0], &self.title, TITLE, INK, Anchor::Start);
-        drawing.text([16.0, 51.0], &self.subtitle, SUBTITLE, MUTED, Anchor::Start);
+        drawing.heading(&self.title, &self.subtitle);
         for (i, name) in self.names.iter().enumerate() {
             let y = row(i) + 0.5 * CAP * LABEL;
             drawing.text([left - 12.0, y], fitted(name, LABEL, names), LABEL, INK, Anchor::End);

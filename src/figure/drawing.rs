@@ -2,6 +2,8 @@ use std::sync::LazyLock;
 
 use ab_glyph::{Font, FontRef};
 
+use super::style::{INK, MUTED, SUBTITLE, TITLE};
+
 /// An opaque sRGB colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Colour(pub u8, pub u8, pub u8);
@@ -162,6 +164,13 @@ impl Drawing {
     /// A text whose baseline starts, is centred or ends at a point.
     pub fn text(&mut self, at: [f64; 2], text: impl Into<String>, size: f64, colour: Colour, anchor: Anchor) {
         self.items.push(Item::Text { at, text: text.into(), size, colour, anchor, upwards: false });
+    }
+
+    /// Title and subtitle at the top left, cut where the figure is too narrow for them.
+    pub fn heading(&mut self, title: &str, subtitle: &str) {
+        let width = self.width - 32.0;
+        self.text([16.0, 30.0], fitted(title, TITLE, width), TITLE, INK, Anchor::Start);
+        self.text([16.0, 51.0], fitted(subtitle, SUBTITLE, width), SUBTITLE, MUTED, Anchor::Start);
     }
 
     /// A text that runs from bottom to top, its baseline on the right of its letters' feet.

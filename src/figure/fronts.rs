@@ -6,7 +6,7 @@ use super::label::{self, Label, Obstacles};
 use super::panel::{Axis, Panel};
 use super::pareto::{Halving, front, halving};
 use super::scale::{Format, Scale, next_to_nothing};
-use super::style::{ACCENT, GREY, INK, LABEL, MUTED, SUBTITLE, TICK, TITLE, WHITE};
+use super::style::{ACCENT, GREY, INK, LABEL, MUTED, TICK, WHITE};
 use super::table::Table;
 
 /// A cost that fronts are drawn against.
@@ -77,8 +77,7 @@ impl Fronts {
             TOP + rows as f64 * CELL.1 + 12.0,
             format!("{}. {}. {} against {}.", self.title, self.subtitle, self.error_label, listed(&costs)),
         );
-        drawing.text([16.0, 30.0], &self.title, TITLE, INK, Anchor::Start);
-        drawing.text([16.0, 51.0], &self.subtitle, SUBTITLE, MUTED, Anchor::Start);
+        drawing.heading(&self.title, &self.subtitle);
 
         let cell = |i: usize| Rect::new(12.0 + (i % 2) as f64 * CELL.0, TOP + (i / 2) as f64 * CELL.1, CELL.0, CELL.1);
         let errors: Vec<f64> = self.points.iter().filter_map(|p| p.error).collect();

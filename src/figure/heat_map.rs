@@ -54,8 +54,7 @@ impl HeatMap {
         let bottom = top + CELL.1 * self.rows.len() as f64;
         let description = format!("{}. {}. {}.", self.title, self.subtitle, self.value_label);
         let mut drawing = Drawing::new(width, bottom + 70.0, description);
-        drawing.text([16.0, 30.0], &self.title, TITLE, INK, Anchor::Start);
-        drawing.text([16.0, 51.0], &self.subtitle, SUBTITLE, MUTED, Anchor::Start);
+        drawing.heading(&self.title, &self.subtitle);
 
         let mut data = Table::new(&["row", "group", "column", "value"]);
         let (mut x, mut column) = (left, 0);

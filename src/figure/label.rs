@@ -114,8 +114,15 @@ fn candidates(index: usize, label: &Label, obstacles: &Obstacles, bounds: &Rect)
                 let start = 5.0 / gap;
                 [[x + start * (touch[0] - x), y + start * (touch[1] - y)], touch]
             });
-            // near before far; right before left, above and below between
-            let mut cost = 0.45 * distance + if leader.is_some() { 5.0 } else { 0.0 } + 1.2 * (1.0 - cos);
+            // near before far, right before left, below before above: a front leaves its lower side empty
+            let mut cost = 0.45 * distance + if leader.is_some() { 5.0 } else { 0.0 } + 1.2 * (1.0 - cos) + 0.3 * sin;
+            // a name that is nearer to another point would be taken for that one's
+            let gap_to = |p: [f64; 2]| {
+                let nearest = rect.nearest(p);
+                (nearest[0] - p[0]).hypot(nearest[1] - p[1])
+            };
+            let others = obstacles.markers.iter().filter(|(m, _)| *m != label.point);
+            cost += 9.0 * others.filter(|(m, _)| gap_to(*m) < gap_to(label.point) + 4.0).count() as f64;
             cost += obstacle_cost(&rect, leader, label.point, obstacles);
             if cost < BLOCKED {
                 found.push((Placed { label: index, rect, leader }, cost));

@@ -3,7 +3,7 @@
 use super::Figure;
 use super::drawing::{Anchor, CAP, Drawing, Rect, Stroke, fitted, text_width};
 use super::scale::{Format, Scale};
-use super::style::{ACCENT, AXIS, GREY, GRID, INK, LABEL, MUTED, PANEL_TITLE, SECOND, SUBTITLE, TICK, TITLE};
+use super::style::{ACCENT, AXIS, GREY, GRID, INK, LABEL, MUTED, PANEL_TITLE, SECOND, TICK, TITLE};
 use super::table::Table;
 
 /// The three errors of a candidate; none where one has no meaning.
@@ -50,8 +50,7 @@ impl Split {
         let width = (columns as f64 * (column + 24.0) + 16.0).max(text_width(&self.title, TITLE) + 32.0).max(560.0);
         let description = format!("{}. {}.", self.title, self.subtitle);
         let mut drawing = Drawing::new(width, TOP + heights.iter().sum::<f64>(), description);
-        drawing.text([16.0, 30.0], &self.title, TITLE, INK, Anchor::Start);
-        drawing.text([16.0, 51.0], &self.subtitle, SUBTITLE, MUTED, Anchor::Start);
+        drawing.heading(&self.title, &self.subtitle);
         legend(&mut drawing);
 
         let mut data = Table::new(&["panel", "candidate", "truncation_nrmse", "interpolation_nrmse", "nrmse"]);
