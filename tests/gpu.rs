@@ -1,6 +1,8 @@
 //! The GPU against its Rust twins. Every test here runs on an adapter or says aloud that it did not;
 //! with RIGBENCH_REQUIRE_GPU=1 the want of an adapter is a failure.
 
+#[path = "gpu/candidates.rs"]
+mod candidates;
 #[path = "gpu/device.rs"]
 mod device;
 #[path = "gpu/evaluation.rs"]
