@@ -6,9 +6,9 @@ use clap::Args;
 
 use super::{Exit, Failure, print};
 use crate::experiment::{Backend, Candidate, Experiment, Filter, Override};
-use crate::figure::table::Table;
 use crate::figure::figures_of;
 use crate::figure::summary::summary;
+use crate::figure::table::Table;
 use crate::run::{
     Ending, Store, Sweep, SweepError, SweepOptions, claims, interrupt, results, sweep, thresholds, write_atomic,
 };

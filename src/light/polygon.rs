@@ -147,7 +147,7 @@ impl<T: Real> Polygon<T> {
     pub fn normal(&self) -> Vector3<T> {
         self.normal
     }
-    fn facet(&self) -> Facet<'_, T> {
+    pub(super) fn facet(&self) -> Facet<'_, T> {
         Facet { vertices: &self.vertices, normal: self.normal, center: self.center, extent: self.extent }
     }
 }

@@ -105,7 +105,7 @@ impl<T: Real> Rect<T> {
         [c - u - v, c + u - v, c + u + v, c - u + v]
     }
     #[inline(always)]
-    fn with_facet<R>(&self, f: impl FnOnce(Facet<'_, T>) -> R) -> R {
+    pub(super) fn with_facet<R>(&self, f: impl FnOnce(Facet<'_, T>) -> R) -> R {
         let vertices = self.corners();
         f(Facet { vertices: &vertices, normal: self.normal, center: self.center, extent: self.extent() })
     }

@@ -7,8 +7,10 @@ use std::fmt::Write;
 
 use nalgebra::{SMatrix, SVector};
 
-use super::Light;
 use super::integral::end_crowding;
+use super::polygon::Facet;
+use super::{Light, UniformEmitter};
+use crate::math::{Rgb, Vector3};
 use crate::sh::Lobe;
 
 /// A row of four numbers, as `array<vec4f>` holds it.
@@ -28,31 +30,58 @@ struct Twin {
 const TWINS: &[Twin] = &[
     Twin { kind: "sphere", rows: 2, wraps: true, wgsl: include_str!("sphere.wgsl") },
     Twin { kind: "disk", rows: 3, wraps: false, wgsl: include_str!("disk.wgsl") },
+    Twin { kind: "rect", rows: 3, wraps: false, wgsl: include_str!("rect.wgsl") },
+    Twin { kind: "polygon", rows: 3, wraps: false, wgsl: include_str!("polygon.wgsl") },
     Twin { kind: "point", rows: 2, wraps: true, wgsl: include_str!("point.wgsl") },
     Twin { kind: "directional", rows: 2, wraps: true, wgsl: include_str!("directional.wgsl") },
     Twin { kind: "constant", rows: 1, wraps: true, wgsl: include_str!("constant.wgsl") },
 ];
 
-/// The record of a light: as many rows as its twin says. `None` for a shape without a twin.
-fn record(light: &Light<f32>) -> Option<Vec<Row>> {
-    let row = |xyz: [f32; 3], w: f32| [xyz[0], xyz[1], xyz[2], w];
-    Some(match light {
-        Light::Sphere(sphere) => {
-            vec![row(sphere.center.to_array(), sphere.radius), row(sphere.radiance.to_array(), 0.0)]
+/// What a light is in rows: its record, as many rows as its twin says, and rows behind all records (vertices), the first of which
+/// the last number of the record points to.
+#[derive(Default)]
+struct Packed {
+    record: Vec<Row>,
+    behind: Vec<Row>,
+}
+
+fn row(xyz: Vector3<f32>, w: f32) -> Row {
+    [xyz.x, xyz.y, xyz.z, w]
+}
+
+fn colour(rgb: Rgb<f32>) -> Row {
+    [rgb.r, rgb.g, rgb.b, 0.0]
+}
+
+impl Packed {
+    fn record(record: Vec<Row>) -> Self {
+        Self { record, behind: Vec::new() }
+    }
+
+    fn facet(facet: Facet<'_, f32>, radiance: Rgb<f32>) -> Self {
+        let vertices = facet.vertices.len() as f32;
+        Self {
+            record: vec![row(facet.center, facet.extent), row(facet.normal, vertices), colour(radiance)],
+            behind: facet.vertices.iter().map(|vertex| row(*vertex, 0.0)).collect(),
         }
-        Light::Disk(disk) => vec![
-            row(disk.center.to_array(), disk.radius),
-            row(disk.normal.to_array(), 0.0),
-            row(disk.radiance.to_array(), 0.0),
-        ],
-        Light::Point(point) => vec![row(point.position.to_array(), 0.0), row(point.intensity.to_array(), 0.0)],
-        Light::Directional(directional) => {
-            vec![row(directional.towards.to_array(), 0.0), row(directional.irradiance.to_array(), 0.0)]
-        }
-        Light::Constant(constant) => vec![row(constant.radiance.to_array(), 0.0)],
-        #[allow(unreachable_patterns, reason = "a shape may come before its twin")]
-        _ => return None,
-    })
+    }
+
+    /// `None` for a shape without a twin.
+    fn new(light: &Light<f32>) -> Option<Self> {
+        Some(match light {
+            Light::Sphere(sphere) => Self::record(vec![row(sphere.center, sphere.radius), colour(sphere.radiance)]),
+            Light::Disk(disk) => {
+                Self::record(vec![row(disk.center, disk.radius), row(disk.normal, 0.0), colour(disk.radiance)])
+            }
+            Light::Rect(rect) => rect.with_facet(|facet| Self::facet(facet, rect.colour())),
+            Light::Polygon(polygon) => Self::facet(polygon.facet(), polygon.colour()),
+            Light::Point(point) => Self::record(vec![row(point.position, 0.0), colour(point.intensity)]),
+            Light::Directional(sun) => Self::record(vec![row(sun.towards, 0.0), colour(sun.irradiance)]),
+            Light::Constant(constant) => Self::record(vec![colour(constant.radiance)]),
+            #[allow(unreachable_patterns, reason = "a shape may come before its twin")]
+            _ => return None,
+        })
+    }
 }
 
 /// Lights in rows, kind after kind: for each of `kinds` a header (first row, row after the last), then the records.
@@ -66,21 +95,29 @@ pub struct LightRows {
 impl LightRows {
     /// Packs lights; the error is the key of a shape that has no twin.
     pub fn new(lights: &[Light<f32>]) -> Result<Self, &'static str> {
-        if let Some(without) = lights.iter().find(|light| record(light).is_none()) {
-            return Err(without.kind_name());
+        let mut packed = Vec::with_capacity(lights.len());
+        for light in lights {
+            packed.push((light.kind_name(), Packed::new(light).ok_or(light.kind_name())?));
         }
-        let occurs = |twin: &&Twin| lights.iter().any(|light| light.kind_name() == twin.kind);
+        let occurs = |twin: &&Twin| packed.iter().any(|(kind, _)| *kind == twin.kind);
         let twins: Vec<&Twin> = TWINS.iter().filter(occurs).collect();
         let mut rows = vec![[0.0; 4]; twins.len()];
+        let mut first_behind = twins.len() + packed.iter().map(|(_, light)| light.record.len()).sum::<usize>();
+        let mut behind: Vec<Row> = Vec::new();
         for (header, twin) in twins.iter().enumerate() {
             let first = rows.len();
-            for light in lights.iter().filter(|light| light.kind_name() == twin.kind) {
-                let record = record(light).unwrap_or_default();
-                assert_eq!(record.len(), twin.rows, "rows of a record of the kind {}", twin.kind);
-                rows.extend(record);
+            for (_, light) in packed.iter().filter(|(kind, _)| *kind == twin.kind) {
+                assert_eq!(light.record.len(), twin.rows, "rows of a record of the kind {}", twin.kind);
+                rows.extend(&light.record);
+                if let (Some(last), false) = (rows.last_mut(), light.behind.is_empty()) {
+                    last[3] = first_behind as f32;
+                }
+                first_behind += light.behind.len();
+                behind.extend(&light.behind);
             }
             rows[header] = [first as f32, rows.len() as f32, 0.0, 0.0];
         }
+        rows.extend(behind);
         Ok(Self { kinds: twins.iter().map(|twin| twin.kind).collect(), rows })
     }
 }
@@ -138,6 +175,9 @@ pub fn lights_wgsl(kinds: &[&str], lobe: &Lobe<f32>) -> String {
         }
         text.push_str(");\n");
         text.push_str(include_str!("cap_wrap.wgsl"));
+    }
+    if kinds.iter().any(|kind| ["rect", "polygon"].contains(kind)) {
+        text.push_str(include_str!("facet.wgsl"));
     }
     let mut sum = String::from("fn lights_irradiance(p: vec3f, n: vec3f) -> vec3f {\n    var sum = vec3f(0.0);\n");
     for (header, kind) in kinds.iter().enumerate() {

@@ -2,7 +2,8 @@
 
 use rigbench::gpu::{DirectEvaluator, Gpu, ShaderText, WgslExpression};
 use rigbench::light::{
-    self, Constant, Directional, Disk, Light, LightRows, LightShape, Point, Sphere, lights_wgsl, shader_kinds,
+    self, Constant, Directional, Disk, Light, LightRows, LightShape, Point, Polygon, Rect, Sphere, lights_wgsl,
+    shader_kinds,
 };
 use rigbench::math::{Rgb, Stream, StreamPurpose, Vector3};
 use rigbench::rig::LocalPoints;
@@ -274,6 +275,16 @@ fn every_kind() -> Vec<Light<f32>> {
         let center = place();
         let normal = (place() * 0.2 - center).normalized().unwrap();
         lights.push(Light::Disk(Disk { center, normal, radius: 0.9, radiance: colour(2.0, 3.0, 1.0) }));
+        // as corners with their far side towards the origin
+        let corners = [[-0.8, -0.5], [0.9, -0.4], [1.0, 0.6], [-0.2, 0.9], [-0.9, 0.3]];
+        let (middle, aside) = (place().to_double(), place().to_double());
+        let facing = (aside * 0.2 - middle).normalize();
+        let x = facing.any_orthonormal_vector();
+        let y = facing.cross(x);
+        let vertices: Vec<_> = corners.iter().map(|c| middle + x * c[0] + y * c[1]).collect();
+        let radiance = Rgb::new(1.0, 2.0, 0.5);
+        lights.push(Light::Polygon(Polygon::new(&vertices, radiance).unwrap().relative_to(glam::DVec3::ZERO)));
+        lights.push(Light::Rect(Rect::new(middle, x * 0.5, y * 1.5, radiance).unwrap().relative_to(glam::DVec3::ZERO)));
         lights.push(Light::Directional(Directional {
             towards: place().normalized().unwrap(),
             irradiance: colour(0.2, 0.1, 0.3),
@@ -306,9 +317,9 @@ fn direct_difference(gpu: &Gpu, lights: &[Light<f32>], model: &str, lobe: &Lobe<
     off.fold(0.0, f32::max)
 }
 
-/// The lights' own tolerance (a disk's where there are disks), and the other order of summing a dozen lights.
+/// The lights' own tolerance (a disk's where there are flat ones), and the other order of summing a dozen lights.
 fn direct_tolerance(kinds: &[&str]) -> f32 {
-    if kinds.contains(&"disk") { DISK_TOLERANCE as f32 } else { 4e-6 }
+    if ["disk", "rect", "polygon"].iter().any(|flat| kinds.contains(flat)) { DISK_TOLERANCE as f32 } else { 4e-6 }
 }
 
 #[test]
@@ -374,6 +385,84 @@ fn touching_tiny_and_huge_lights_stay_finite() {
                     assert!(off < 2e-4, "{light:?}, wrap {wrap}, point {i}: {e:?} for {expected:?}");
                 }
             }
+        }
+    });
+}
+
+/// Polygons that a facet's twin must bear: a sliver, a triangle, a square, a dodecagon.
+fn facets() -> Vec<Polygon<f64>> {
+    let ring = |count: usize, squeeze: f64| -> Vec<glam::DVec3> {
+        (0..count)
+            .map(|k| std::f64::consts::TAU * k as f64 / count as f64)
+            .map(|t| glam::DVec3::new(t.cos(), squeeze * t.sin(), 0.0))
+            .collect()
+    };
+    [(3, 0.01), (3, 1.0), (4, 1.0), (12, 0.7)]
+        .map(|(count, squeeze)| Polygon::new(&ring(count, squeeze), Rgb::splat(1.0)).unwrap())
+        .to_vec()
+}
+
+/// Largest difference of the polygons' twin from Rust, relative to what a disk of that extent can give at most.
+fn facet_disagreement(gpu: &Gpu, change: impl Fn(String) -> String) -> (f64, f64) {
+    let mut stream = Stream::indexed(45, StreamPurpose::Test, 0);
+    let mut points = LocalPoints::<f32>::default();
+    for step in 0..30 {
+        let distance = 10f64.powf(-2.0 + 5.0 * f64::from(step) / 29.0);
+        for k in 0..30 {
+            let p = stream.direction() * distance;
+            let mut n = stream.direction();
+            if k >= 15 {
+                // the horizon runs through the polygon
+                let at =
+                    glam::DVec3::new(stream.uniform_between(-1.0, 1.0), stream.uniform_between(-1.0, 1.0), 0.0) - p;
+                n = (n - at * (n.dot(at) / at.length_squared())).normalize();
+            }
+            points.push(p, n);
+        }
+    }
+    let lobe = Lobe::lambert();
+    let mut worst = (0.0f64, 0.0f64);
+    for polygon in facets() {
+        let light = Light::Polygon(polygon.relative_to(glam::DVec3::ZERO));
+        let double: Light<f64> = Light::Polygon(polygon);
+        let lights = std::slice::from_ref(&light);
+        let model = change(lights_wgsl(&["polygon"], &lobe));
+        let got = DirectEvaluator::with_model(gpu, lights, &model).unwrap().evaluate(lights, &points).unwrap();
+        for (i, got) in got.iter().enumerate() {
+            let (p, n) = (points.q(i), points.n(i));
+            let rust = light.irradiance(p, n, &lobe).value.r;
+            let truth =
+                double.irradiance(Vector3::of(p.to_double()), Vector3::of(n.to_double()), &Lobe::lambert()).value.r;
+            let scale = std::f64::consts::PI / p.to_double().length_squared().max(1.0);
+            let error =
+                |e: f32, truth: f64| if e.is_finite() { (f64::from(e) - truth).abs() / scale } else { f64::INFINITY };
+            worst = (worst.0.max(error(got.r, f64::from(rust))), worst.1.max(error(rust, truth)));
+        }
+    }
+    worst
+}
+
+#[test]
+fn the_polygon_agrees_with_its_wgsl_twin() {
+    on_gpu("the_polygon_agrees_with_its_wgsl_twin", |gpu| {
+        let (twin, single) = facet_disagreement(gpu, |text| text);
+        println!("polygon: twin {twin:e}, f32 against f64 {single:e}");
+        // as for the disk: the sides' terms cancel to what is seen of the polygon
+        assert!(twin < DISK_TOLERANCE && single < DISK_TOLERANCE, "{twin:e} {single:e}");
+        for (right, wrong) in [
+            ("leaves = a + rest", "leaves = a + along"),
+            ("sum += select(angle, -angle, sine < 0.0)", "sum += 0.0"),
+            ("facing_a / (facing_a - facing_b));\n                leaves", "0.9);\n                leaves"),
+            ("thrice * 0.5 *", "thrice * 0.501 *"),
+            ("found >= 2u", "found >= 3u"),
+            ("-0.5 * sum", "-0.4995 * sum"),
+        ] {
+            let (off, _) = facet_disagreement(gpu, |text| {
+                let broken = text.replacen(right, wrong, 1);
+                assert_ne!(broken, text, "{right} is not in the shader");
+                broken
+            });
+            assert!(off > DISK_TOLERANCE, "{wrong} in place of {right} went unnoticed: {off:e}");
         }
     });
 }
