@@ -1,7 +1,7 @@
 use std::marker::PhantomData;
 
-use super::{Model, Rig, RigModel, SampleRequest};
-use crate::math::{Real, Vector3};
+use super::{Lane, LaneModel, LocalPoints, Model, Rig, SampleRequest, ShVectors, wide};
+use crate::math::{Real, Rgb};
 
 /// The constant rig: l(q) = l(centre). One SH vector.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -27,9 +27,13 @@ impl Rig for Constant {
     }
 }
 
-impl<T: Real> RigModel<T> for ConstantModel<T> {
+impl<T: Real> LaneModel<T> for ConstantModel<T> {
     #[inline(always)]
-    fn taps(&self, _q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
-        tap(0, T::one());
+    fn lane_taps<L: Lane<Scalar = T>>(&self, _q: [L; 3], tap: &mut impl FnMut(L::Index, usize, L)) {
+        tap(L::index(0), 0, L::constant(1.0));
+    }
+
+    fn lane_irradiance<const C: usize>(&self, vectors: &ShVectors<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
+        wide::constant_irradiance::<T, Self, C>(self, vectors, points, out);
     }
 }

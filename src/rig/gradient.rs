@@ -1,7 +1,7 @@
 use std::marker::PhantomData;
 
-use super::{Model, Rig, RigModel, SampleRequest};
-use crate::math::{Real, Vector3};
+use super::{Lane, LaneModel, Model, Rig, SampleRequest};
+use crate::math::Real;
 
 /// The gradient rig: l(q) = l(centre) + q . grad l(centre), outside the box too. Four SH vectors, one sample.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -27,12 +27,13 @@ impl Rig for Gradient {
     }
 }
 
-impl<T: Real> RigModel<T> for GradientModel<T> {
+impl<T: Real> LaneModel<T> for GradientModel<T> {
     #[inline(always)]
-    fn taps(&self, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
-        tap(0, T::one());
-        tap(1, q.x);
-        tap(2, q.y);
-        tap(3, q.z);
+    fn lane_taps<L: Lane<Scalar = T>>(&self, [x, y, z]: [L; 3], tap: &mut impl FnMut(L::Index, usize, L)) {
+        let first = L::index(0);
+        tap(first, 0, L::constant(1.0));
+        tap(first, 1, x);
+        tap(first, 2, y);
+        tap(first, 3, z);
     }
 }

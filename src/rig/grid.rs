@@ -1,7 +1,7 @@
 //! Tensor grids of samples in a box, and the weights of their samples as products of weights along the axes.
 
-use super::SampleRequest;
-use crate::math::{Real, Vector3};
+use super::{Lane, SampleRequest};
+use crate::math::Real;
 
 /// Half extents at or below this many metres count as no extent: the axis has one plane and is never divided by.
 /// (Reciprocals of the spacings stay finite in `f32` down to here.)
@@ -70,19 +70,16 @@ impl<T: Real> GridAxis<T> {
 
     /// The coordinate moved into the box.
     #[inline(always)]
-    pub fn clamp(&self, q: T) -> T {
-        q.max(-self.half).min(self.half)
+    pub fn clamp<L: Lane<Scalar = T>>(&self, q: L) -> L {
+        q.larger(L::splat(-self.half)).smaller(L::splat(self.half))
     }
 
-    /// The sample below the clamped coordinate and the share of the way to the next, in [0, 1].
+    /// The sample below the clamped coordinate and the share of the way to the next, in [0, 1], on an axis with two samples or more.
     #[inline(always)]
-    pub fn cell(&self, q: T) -> (usize, T) {
-        if self.count == 1 {
-            return (0, T::zero());
-        }
-        let along = (self.clamp(q) + self.half) * self.per_spacing;
-        let lower = along.to_usize().unwrap_or(0).min(self.count - 2);
-        (lower, (along - T::of(lower as f64)).min(T::one()))
+    pub fn cell<L: Lane<Scalar = T>>(&self, q: L) -> (L::Index, L) {
+        let along = (self.clamp(q) + L::splat(self.half)) * L::splat(self.per_spacing);
+        let lower = along.whole(self.count - 2);
+        (lower, (along - L::number(lower)).smaller(L::constant(1.0)))
     }
 
     /// WGSL that builds this axis: a call of `GridAxis(count, half, spacing, per_spacing)`.
@@ -133,6 +130,8 @@ pub struct Grid<T> {
     pub slots: [usize; 3],
     /// Vectors of one sample.
     pub vectors: usize,
+    /// Vectors from a sample to its next along each axis.
+    pub steps: [usize; 3],
     /// One over the longest half extent (1 for a point): distances in these units neither overflow nor vanish.
     pub per_reach: T,
 }
@@ -146,19 +145,17 @@ impl<T: Real> Grid<T> {
         });
         let reach = half.into_iter().fold(0.0, f64::max);
         let per_reach = if has_extent(reach) { T::of(1.0 / reach) } else { T::one() };
-        Self { axes: std::array::from_fn(|a| GridAxis::new(samples[a], half[a])), slots, vectors, per_reach }
+        let axes: [GridAxis<T>; 3] = std::array::from_fn(|a| GridAxis::new(samples[a], half[a]));
+        let steps = [vectors, vectors * axes[0].count, vectors * axes[0].count * axes[1].count];
+        Self { axes, slots, vectors, steps, per_reach }
     }
 
     /// The value vector of the sample with these indices along the axes.
     #[inline(always)]
-    pub fn value_vector(&self, x: usize, y: usize, z: usize) -> usize {
-        self.vectors * (x + self.axes[0].count * (y + self.axes[1].count * z))
-    }
-
-    /// The coordinates moved into the box.
-    #[inline(always)]
-    pub fn clamp(&self, q: Vector3<T>) -> Vector3<T> {
-        Vector3::new(self.axes[0].clamp(q.x), self.axes[1].clamp(q.y), self.axes[2].clamp(q.z))
+    pub fn value_vector<L: Lane<Scalar = T>>(&self, [x, y, z]: [L::Index; 3]) -> L::Index {
+        let [step_x, step_y, step_z] = self.steps;
+        let row = L::index_sum(L::index_sum(L::index(0), x, step_x), y, step_y);
+        L::index_sum(row, z, step_z)
     }
 
     /// The constants of the twin in `grid.wgsl`.
@@ -176,21 +173,26 @@ impl<T: Real> Grid<T> {
 
 /// The samples that count along one axis at a place: one or two neighbours from `lower` upwards, the weight of
 /// their values and, in metres, of their derivatives along this axis.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Nodes<T> {
-    pub lower: usize,
+#[derive(Clone, Copy, Debug)]
+pub struct Nodes<L: Lane> {
+    pub lower: L::Index,
     pub count: usize,
-    pub value: [T; 2],
-    pub slope: [T; 2],
+    pub value: [L; 2],
+    pub slope: [L; 2],
 }
 
-impl<T: Real> Nodes<T> {
+impl<L: Lane> Nodes<L> {
     #[inline(always)]
-    pub fn one(index: usize, slope: T) -> Self {
-        Self { lower: index, count: 1, value: [T::one(), T::zero()], slope: [slope, T::zero()] }
+    pub fn one(slope: L) -> Self {
+        Self {
+            lower: L::index(0),
+            count: 1,
+            value: [L::constant(1.0), L::constant(0.0)],
+            slope: [slope, L::constant(0.0)],
+        }
     }
     #[inline(always)]
-    pub fn two(lower: usize, value: [T; 2], slope: [T; 2]) -> Self {
+    pub fn two(lower: L::Index, value: [L; 2], slope: [L; 2]) -> Self {
         Self { lower, count: 2, value, slope }
     }
 }
@@ -198,23 +200,29 @@ impl<T: Real> Nodes<T> {
 /// Weights of a tensor product without mixed derivatives: V_x V_y V_z on a sample's value and, on its derivative
 /// along an axis, that axis's slope weight times the value weights of the other two. x runs fastest.
 #[inline(always)]
-pub fn tensor_taps<T: Real>(grid: &Grid<T>, nodes: &[Nodes<T>; 3], tap: &mut impl FnMut(usize, T)) {
+pub fn tensor_taps<T: Real, L: Lane<Scalar = T>>(
+    grid: &Grid<T>,
+    nodes: &[Nodes<L>; 3],
+    tap: &mut impl FnMut(L::Index, usize, L),
+) {
     let [x, y, z] = nodes;
     let [slot_x, slot_y, slot_z] = grid.slots;
+    let [step_x, step_y, step_z] = grid.steps;
+    let first = grid.value_vector::<L>([x.lower, y.lower, z.lower]);
     for k in 0..z.count {
         for j in 0..y.count {
             let values_yz = y.value[j] * z.value[k];
             for i in 0..x.count {
-                let vector = grid.value_vector(x.lower + i, y.lower + j, z.lower + k);
-                tap(vector, x.value[i] * values_yz);
+                let sample = i * step_x + j * step_y + k * step_z;
+                tap(first, sample, x.value[i] * values_yz);
                 if slot_x > 0 {
-                    tap(vector + slot_x, x.slope[i] * values_yz);
+                    tap(first, sample + slot_x, x.slope[i] * values_yz);
                 }
                 if slot_y > 0 {
-                    tap(vector + slot_y, x.value[i] * y.slope[j] * z.value[k]);
+                    tap(first, sample + slot_y, x.value[i] * y.slope[j] * z.value[k]);
                 }
                 if slot_z > 0 {
-                    tap(vector + slot_z, x.value[i] * y.value[j] * z.slope[k]);
+                    tap(first, sample + slot_z, x.value[i] * y.value[j] * z.slope[k]);
                 }
             }
         }
@@ -241,14 +249,14 @@ mod tests {
     #[test]
     fn cells_cover_the_axis_and_clamp_outside() {
         let axis = GridAxis::<f32>::new(5, 0.7);
-        assert_eq!(axis.cell(-9.0), (0, 0.0));
-        assert_eq!(axis.cell(9.0).0, 3);
-        assert!((axis.cell(9.0).1 - 1.0).abs() < 1e-6);
+        assert_eq!(axis.cell(-9.0f32), (0, 0.0));
+        assert_eq!(axis.cell(9.0f32).0, 3);
+        assert!((axis.cell(9.0f32).1 - 1.0).abs() < 1e-6);
         for (i, x) in sample_coordinates(5, 0.7).iter().enumerate() {
             let (lower, t) = axis.cell(*x as f32);
             assert!((lower as f32 + t - i as f32).abs() < 1e-5, "sample {i}: {lower} + {t}");
         }
-        assert_eq!(GridAxis::<f32>::new(5, 0.0).cell(1.0), (0, 0.0));
+        assert_eq!(GridAxis::<f32>::new(5, 0.0).count, 1);
         assert!(GridAxis::<f32>::new(1000, 2e-30).per_spacing.is_finite());
     }
 

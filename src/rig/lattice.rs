@@ -2,9 +2,9 @@ use serde::Deserialize;
 
 use super::grid::{AxisNames, Grid, effective_count, grid_placement, has_extent};
 use super::interpolation::{Interpolation, InterpolationChoice};
-use super::{Model, Resolving, Rig, RigModel, RigTable, SampleRequest, ShVectors};
+use super::{Lane, LaneModel, LocalPoints, Model, Resolving, Rig, RigTable, SampleRequest, ShVectors};
 use crate::input::{Finite, InputError, Spanned};
-use crate::math::{Real, Rgb, Vector3};
+use crate::math::{Real, Rgb};
 
 /// The most samples that one lattice has.
 pub const MOST_SAMPLES: usize = 65_536;
@@ -109,13 +109,13 @@ impl Rig for Lattice {
     }
 }
 
-impl<T: Real> RigModel<T> for LatticeModel<T> {
+impl<T: Real> LaneModel<T> for LatticeModel<T> {
     #[inline(always)]
-    fn taps(&self, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
+    fn lane_taps<L: Lane<Scalar = T>>(&self, q: [L; 3], tap: &mut impl FnMut(L::Index, usize, L)) {
         self.interpolation.taps(&self.grid, q, tap);
     }
 
-    fn irradiance<const C: usize>(&self, vectors: &ShVectors<T>, points: &super::LocalPoints<T>, out: &mut [Rgb<T>]) {
+    fn lane_irradiance<const C: usize>(&self, vectors: &ShVectors<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
         self.interpolation.irradiance::<T, C>(&self.grid, vectors, points, out);
     }
 }

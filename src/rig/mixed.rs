@@ -7,9 +7,9 @@ use serde::de::{MapAccess, Visitor};
 use super::grid::{AxisNames, Grid, GridAxis, Nodes, effective_count, grid_placement, has_extent, tensor_taps};
 use super::interpolation::{hermite_nodes, linear_nodes};
 use super::lattice::MOST_SAMPLES;
-use super::{Model, Resolving, Rig, RigModel, RigTable, SampleRequest};
+use super::{Lane, LaneModel, Model, Resolving, Rig, RigTable, SampleRequest};
 use crate::input::{InputError, Spanned};
-use crate::math::{Real, Vector3};
+use crate::math::Real;
 
 /// A model of its own on each axis: one sample grid over the axes that have samples, and at every sample the derivatives
 /// along gradient and Hermite axes. There are no cross terms.
@@ -62,10 +62,10 @@ impl AxisModel {
     }
 
     #[inline(always)]
-    fn nodes<T: Real>(self, axis: &GridAxis<T>, q: T) -> Nodes<T> {
+    fn nodes<T: Real, L: Lane<Scalar = T>>(self, axis: &GridAxis<T>, q: L) -> Nodes<L> {
         match self {
-            AxisModel::Constant => Nodes::one(0, T::zero()),
-            AxisModel::Gradient => Nodes::one(0, q),
+            AxisModel::Constant => Nodes::one(L::constant(0.0)),
+            AxisModel::Gradient => Nodes::one(q),
             AxisModel::Lattice(_) => linear_nodes(axis, q),
             AxisModel::Hermite(_) => hermite_nodes(axis, q),
         }
@@ -245,9 +245,10 @@ impl Rig for Mixed {
     }
 }
 
-impl<T: Real> RigModel<T> for MixedModel<T> {
+impl<T: Real> LaneModel<T> for MixedModel<T> {
     #[inline(always)]
-    fn taps(&self, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
-        tensor_taps(&self.grid, &std::array::from_fn(|a| self.models[a].nodes(&self.grid.axes[a], q[a])), tap);
+    fn lane_taps<L: Lane<Scalar = T>>(&self, q: [L; 3], tap: &mut impl FnMut(L::Index, usize, L)) {
+        let ([x, y, z], [along_x, along_y, along_z]) = (self.models, &self.grid.axes);
+        tensor_taps(&self.grid, &[x.nodes(along_x, q[0]), y.nodes(along_y, q[1]), z.nodes(along_z, q[2])], tap);
     }
 }

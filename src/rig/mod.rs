@@ -3,7 +3,7 @@
 //! Every rig is linear in the SH vectors that it keeps: l(q) = sum_k w_k(q) v_k, where v_k are sampled values, sampled derivatives or
 //! fitted coefficients and the weights depend on the place alone. A rig therefore says three things: its [`Rig::placement`],
 //! its [`Rig::fit`] (by default the samples as they are), and its weights ([`RigModel::taps`]).
-//! One evaluation loop serves them all; a rig may bring a faster one of its own ([`RigModel::irradiance`]).
+//! One evaluation loop serves them all ([`plain_irradiance`]), and a fast one those whose places have all the same taps ([`LaneModel`]).
 //!
 //! Coordinates: q is in metres along the axes of the receiver's oriented box, from the box's centre; `half` holds the half extents,
 //! any of which may be 0. SH coefficients stay in the world's frame. A rig's WGSL twin lies beside it and defines
@@ -16,18 +16,22 @@ mod constant;
 mod gradient;
 mod grid;
 pub mod interpolation;
+mod lanes;
 mod lattice;
 mod mixed;
 mod rbf;
+mod wide;
 
 pub use catalogue::{CatalogueEntry, catalogue};
 pub use constant::Constant;
 pub use gradient::Gradient;
 pub use grid::{AxisNames, Grid, GridAxis, Nodes, grid_placement, tensor_taps, wgsl_number};
 pub use interpolation::{Interpolation, InterpolationChoice};
+pub use lanes::{Lane, LaneModel};
 pub use lattice::Lattice;
 pub use mixed::{AxisModel, Mixed};
 pub use rbf::{Centers, Kernel, Rbf, RbfSolver};
+pub use wide::available as wide_available;
 
 use std::ops::Range;
 
@@ -154,13 +158,13 @@ pub trait RigModel<T: Real> {
     fn taps(&self, q: Vector3<T>, tap: &mut impl FnMut(usize, T));
 
     /// E at every point from irradiance coefficients ([`ShVectors::convolved`]), order `C = order^2`.
-    /// This is the shortest correct form, one point at a time; faster ones are tested against it.
     fn irradiance<const C: usize>(&self, vectors: &ShVectors<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
         plain_irradiance::<T, Self, C>(self, vectors, points, out);
     }
 }
 
-/// The evaluation that every rig has: basis at the normal, then the weighted sum of dot products.
+/// The evaluation that every rig has, in its shortest correct form, one point at a time: basis at the normal, then
+/// the weighted sum of dot products. Faster forms are measured and tested against it.
 pub fn plain_irradiance<T: Real, M: RigModel<T> + ?Sized, const C: usize>(
     model: &M,
     vectors: &ShVectors<T>,

@@ -1,12 +1,13 @@
 use std::fmt;
 
 use nalgebra::{DMatrix, SVD};
+use num_traits::Float;
 use serde::Deserialize;
 use serde::de::{SeqAccess, Visitor};
 
 use super::grid::{grid_placement, has_extent, wgsl_number};
 use super::lattice::sample_counts;
-use super::{Fit, Model, Resolving, Rig, RigModel, RigTable, SampleRequest, ShVectors};
+use super::{Fit, Lane, LaneModel, Model, Resolving, Rig, RigTable, SampleRequest, ShVectors};
 use crate::input::{Finite, Finite3, InputError, Spanned};
 use crate::math::{Real, Vector3};
 
@@ -61,13 +62,15 @@ pub enum Kernel {
 impl Kernel {
     /// phi from the squared distance.
     #[inline(always)]
-    fn value<T: Real>(self, squared: T) -> T {
+    fn value<L: Lane>(self, squared: L) -> L {
         match self {
-            Kernel::Linear => squared.sqrt(),
-            Kernel::Cubic => squared * squared.sqrt(),
-            Kernel::ThinPlate if squared > T::zero() => T::of(0.5) * squared * squared.ln(),
-            Kernel::ThinPlate => T::zero(),
-            Kernel::Gaussian { shape } => (-T::of(shape * shape) * squared).exp(),
+            Kernel::Linear => squared.root(),
+            Kernel::Cubic => squared * squared.root(),
+            // the product is 0 at 0, where the logarithm is none
+            Kernel::ThinPlate => {
+                L::constant(0.5) * squared * squared.larger(L::splat(Float::min_positive_value())).mapped(|s| s.ln())
+            }
+            Kernel::Gaussian { shape } => (L::constant(-shape * shape) * squared).mapped(|s| s.exp()),
         }
     }
 
@@ -75,8 +78,9 @@ impl Kernel {
         match self {
             Kernel::Linear => "sqrt(squared)".to_owned(),
             Kernel::Cubic => "squared * sqrt(squared)".to_owned(),
-            // max keeps log from 0, where the product is 0
-            Kernel::ThinPlate => "0.5 * squared * log(max(squared, 1e-37))".to_owned(),
+            Kernel::ThinPlate => {
+                format!("0.5 * squared * log(max(squared, {}))", wgsl_number(f32::MIN_POSITIVE))
+            }
             Kernel::Gaussian { shape } => format!("exp(-{} * squared)", wgsl_number((shape * shape) as f32)),
         }
     }
@@ -342,18 +346,23 @@ impl Rig for Rbf {
     }
 }
 
-impl<T: Real> RigModel<T> for RbfModel<T> {
+impl<T: Real> LaneModel<T> for RbfModel<T> {
     #[inline(always)]
-    fn taps(&self, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
-        let u = q * self.per_diagonal - self.centroid;
+    fn lane_taps<L: Lane<Scalar = T>>(&self, q: [L; 3], tap: &mut impl FnMut(L::Index, usize, L)) {
+        let first = L::index(0);
+        let per_diagonal = L::splat(self.per_diagonal);
+        let x = q[0] * per_diagonal - L::splat(self.centroid.x);
+        let y = q[1] * per_diagonal - L::splat(self.centroid.y);
+        let z = q[2] * per_diagonal - L::splat(self.centroid.z);
         for (i, centre) in self.centres.iter().enumerate() {
-            tap(i, self.kernel.value((u - *centre).length_squared()));
+            let (dx, dy, dz) = (x - L::splat(centre.x), y - L::splat(centre.y), z - L::splat(centre.z));
+            tap(first, i, self.kernel.value(dx * dx + dy * dy + dz * dz));
         }
         let count = self.centres.len();
-        tap(count, T::one());
-        tap(count + 1, u.x);
-        tap(count + 2, u.y);
-        tap(count + 3, u.z);
+        tap(first, count, L::constant(1.0));
+        tap(first, count + 1, x);
+        tap(first, count + 2, y);
+        tap(first, count + 3, z);
     }
 }
 

@@ -1,6 +1,6 @@
 use super::Scheme;
-use crate::math::{Real, Vector3};
-use crate::rig::{Grid, GridAxis, Nodes, tensor_taps};
+use crate::math::Real;
+use crate::rig::{Grid, GridAxis, Lane, Nodes, tensor_taps};
 
 /// Each corner's first-order expansion at p, trilinear weights ("functions and gradients"):
 /// l(p) = sum_k w_k (f_k + g_k . (p - x_k)). Second order, like trilinear, with the opposite sign of the leading error.
@@ -10,15 +10,29 @@ pub struct GradientCorrected {}
 /// Linear value weights, and slopes w_i (q - x_i) times `share`. An axis with one sample takes the full derivative,
 /// whatever the share.
 #[inline(always)]
-pub fn corrected_nodes<T: Real>(axis: &GridAxis<T>, q: T, share: T) -> Nodes<T> {
+fn corrected_nodes<T: Real, L: Lane<Scalar = T>>(axis: &GridAxis<T>, q: L, share: f64) -> Nodes<L> {
     if axis.count == 1 {
-        return Nodes::one(0, axis.clamp(q));
+        return Nodes::one(axis.clamp(q));
     }
     let (lower, t) = axis.cell(q);
-    let rest = T::one() - t;
+    let rest = L::constant(1.0) - t;
     // q - x is t spacings beyond the lower sample and 1 - t before the upper one
-    let slope = share * axis.spacing * t * rest;
-    Nodes::two(lower, [rest, t], [slope, -slope])
+    let slope = L::splat(T::of(share) * axis.spacing) * t * rest;
+    Nodes::two(lower, [rest, t], [slope, L::constant(0.0) - slope])
+}
+
+/// The weights with this share of the derivatives.
+#[inline(always)]
+pub fn corrected_taps<T: Real, L: Lane<Scalar = T>>(
+    grid: &Grid<T>,
+    [x, y, z]: [L; 3],
+    share: f64,
+    tap: &mut impl FnMut(L::Index, usize, L),
+) {
+    let [along_x, along_y, along_z] = &grid.axes;
+    let nodes =
+        [corrected_nodes(along_x, x, share), corrected_nodes(along_y, y, share), corrected_nodes(along_z, z, share)];
+    tensor_taps(grid, &nodes, tap);
 }
 
 impl Scheme for GradientCorrected {
@@ -31,8 +45,8 @@ impl Scheme for GradientCorrected {
     }
 
     #[inline(always)]
-    fn taps<T: Real>(&self, grid: &Grid<T>, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
-        tensor_taps(grid, &std::array::from_fn(|a| corrected_nodes(&grid.axes[a], q[a], T::one())), tap);
+    fn taps<T: Real, L: Lane<Scalar = T>>(&self, grid: &Grid<T>, q: [L; 3], tap: &mut impl FnMut(L::Index, usize, L)) {
+        corrected_taps(grid, q, 1.0, tap);
     }
 
     fn wgsl(&self) -> String {

@@ -1,7 +1,7 @@
 use super::Scheme;
-use super::gradient_corrected::{corrected_nodes, corrected_wgsl};
-use crate::math::{Real, Vector3};
-use crate::rig::{Grid, tensor_taps};
+use super::gradient_corrected::{corrected_taps, corrected_wgsl};
+use crate::math::Real;
+use crate::rig::{Grid, Lane};
 
 /// Trilinear weights on each corner's expansion with half of its gradient: l(p) = sum_k w_k (f_k + 1/2 g_k . (p - x_k)).
 /// The leading errors of trilinear and of the full gradient are equal and opposite, so that half of the gradient
@@ -19,8 +19,8 @@ impl Scheme for HalfGradient {
     }
 
     #[inline(always)]
-    fn taps<T: Real>(&self, grid: &Grid<T>, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
-        tensor_taps(grid, &std::array::from_fn(|a| corrected_nodes(&grid.axes[a], q[a], T::of(0.5))), tap);
+    fn taps<T: Real, L: Lane<Scalar = T>>(&self, grid: &Grid<T>, q: [L; 3], tap: &mut impl FnMut(L::Index, usize, L)) {
+        corrected_taps(grid, q, 0.5, tap);
     }
 
     fn wgsl(&self) -> String {

@@ -1,6 +1,6 @@
 use super::Scheme;
-use crate::math::{Real, Vector3};
-use crate::rig::{Grid, wgsl_number};
+use crate::math::Real;
+use crate::rig::{Grid, GridAxis, Lane, Nodes, wgsl_number};
 
 /// Weights 1/distance^power over the corners of the cell, from the clamped place, in metres; exact at a sample.
 ///
@@ -11,10 +11,27 @@ pub struct InverseDistance {
     pub power: f64,
 }
 
+/// Above any distance in units of the box.
+const NO_DISTANCE: f64 = 1e9;
+
 /// ratio^power, exactly the ratio at power 1 (where a GPU's `pow` is not exact).
 #[inline(always)]
-fn raised<T: Real>(ratio: T, power: T) -> T {
-    if power == T::one() { ratio } else { ratio.powf(power) }
+fn raised<T: Real, L: Lane<Scalar = T>>(ratio: L, power: T) -> L {
+    if power == T::one() { ratio } else { ratio.mapped(|r| r.powf(power)) }
+}
+
+/// Squared distances along an axis to its two samples, in units of the box so that squares neither overflow nor vanish.
+#[inline(always)]
+fn squared_sides<T: Real, L: Lane<Scalar = T>>(axis: &GridAxis<T>, q: L, per_reach: T) -> Nodes<L> {
+    let none = L::constant(0.0);
+    if axis.count == 1 {
+        let side = axis.clamp(q) * L::splat(per_reach);
+        return Nodes { value: [side * side, none], ..Nodes::one(none) };
+    }
+    let (lower, t) = axis.cell(q);
+    let spacing = L::splat(axis.spacing * per_reach);
+    let (below, above) = (t * spacing, (L::constant(1.0) - t) * spacing);
+    Nodes::two(lower, [below * below, above * above], [none, none])
 }
 
 impl Scheme for InverseDistance {
@@ -23,42 +40,36 @@ impl Scheme for InverseDistance {
     }
 
     #[inline(always)]
-    fn taps<T: Real>(&self, grid: &Grid<T>, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
+    fn taps<T: Real, L: Lane<Scalar = T>>(&self, grid: &Grid<T>, q: [L; 3], tap: &mut impl FnMut(L::Index, usize, L)) {
         let power = T::of(self.power);
-        // Distances on each axis to its two samples, in units of the box so that squares neither overflow nor vanish.
-        let [x, y, z] = std::array::from_fn(|a| {
-            let axis = &grid.axes[a];
-            if axis.count == 1 {
-                return (0, 1, [axis.clamp(q[a]) * grid.per_reach, T::zero()]);
-            }
-            let (lower, t) = axis.cell(q[a]);
-            let spacing = axis.spacing * grid.per_reach;
-            (lower, 2, [t * spacing, (T::one() - t) * spacing])
-        });
-        let mut distances = [T::zero(); 8];
-        let mut nearest = T::infinity();
+        let [along_x, along_y, along_z] = &grid.axes;
+        let x = squared_sides(along_x, q[0], grid.per_reach);
+        let y = squared_sides(along_y, q[1], grid.per_reach);
+        let z = squared_sides(along_z, q[2], grid.per_reach);
+        let mut weights = [L::constant(0.0); 8];
+        let mut nearest = L::constant(NO_DISTANCE);
         let mut corner = 0;
-        for k in 0..z.1 {
-            for j in 0..y.1 {
-                for i in 0..x.1 {
-                    let distance = Vector3::new(x.2[i], y.2[j], z.2[k]).length_squared().sqrt();
-                    distances[corner] = distance;
-                    nearest = nearest.min(distance);
+        for k in 0..z.count {
+            for j in 0..y.count {
+                for i in 0..x.count {
+                    weights[corner] = (x.value[i] + y.value[j] + z.value[k]).root();
+                    nearest = nearest.smaller(weights[corner]);
                     corner += 1;
                 }
             }
         }
-        let mut sum = T::zero();
-        for weight in &mut distances[..corner] {
-            *weight = if *weight == nearest { T::one() } else { raised(nearest / *weight, power) };
-            sum += *weight;
+        let mut sum = L::constant(0.0);
+        for weight in &mut weights[..corner] {
+            *weight = weight.where_equal(nearest, L::constant(1.0), raised(nearest / *weight, power));
+            sum = sum + *weight;
         }
-        let weights = distances;
+        let first = grid.value_vector::<L>([x.lower, y.lower, z.lower]);
         corner = 0;
-        for k in 0..z.1 {
-            for j in 0..y.1 {
-                for i in 0..x.1 {
-                    tap(grid.value_vector(x.0 + i, y.0 + j, z.0 + k), weights[corner] / sum);
+        for k in 0..z.count {
+            for j in 0..y.count {
+                for i in 0..x.count {
+                    let offset = i * grid.steps[0] + j * grid.steps[1] + k * grid.steps[2];
+                    tap(first, offset, weights[corner] / sum);
                     corner += 1;
                 }
             }

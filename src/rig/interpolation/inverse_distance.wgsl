@@ -1,14 +1,18 @@
 // Weights (nearest distance / distance)^power over the corners of the cell.
 
-struct Sides { lower: u32, count: u32, distance: array<f32, 2> }
+// Squared distances along one axis to its two samples, in units of the box.
+struct Sides { lower: u32, count: u32, squared: array<f32, 2> }
 
 fn inverse_distance_sides(axis: GridAxis, q: f32) -> Sides {
     if axis.count == 1u {
-        return Sides(0u, 1u, array<f32, 2>(grid_clamp(axis, q) * GRID_PER_REACH, 0.0));
+        let side = grid_clamp(axis, q) * GRID_PER_REACH;
+        return Sides(0u, 1u, array<f32, 2>(side * side, 0.0));
     }
     let cell = grid_cell(axis, q);
     let spacing = axis.spacing * GRID_PER_REACH;
-    return Sides(cell.lower, 2u, array<f32, 2>(cell.t * spacing, (1.0 - cell.t) * spacing));
+    let below = cell.t * spacing;
+    let above = (1.0 - cell.t) * spacing;
+    return Sides(cell.lower, 2u, array<f32, 2>(below * below, above * above));
 }
 
 fn rig_taps(q: vec3f) {
@@ -22,8 +26,7 @@ fn rig_taps(q: vec3f) {
     for (var k = 0u; k < z.count; k++) {
         for (var j = 0u; j < y.count; j++) {
             for (var i = 0u; i < x.count; i++) {
-                let d = vec3f(x.distance[i], y.distance[j], z.distance[k]);
-                let distance = sqrt(dot(d, d));
+                let distance = sqrt(x.squared[i] + y.squared[j] + z.squared[k]);
                 distances[corner] = distance;
                 nearest = min(nearest, distance);
                 corner++;

@@ -17,9 +17,9 @@ pub use trilinear::{Trilinear, linear_nodes};
 
 use std::ops::Range;
 
-use super::{Grid, LocalPoints, RigModel, ShVectors};
+use super::{Grid, Lane, LaneModel, LocalPoints, ShVectors};
 use crate::input::{Finite, InputError, Source, Spanned};
-use crate::math::{Real, Rgb, Vector3};
+use crate::math::{Real, Rgb};
 
 /// How the samples around a place become its value.
 pub trait Scheme: Copy {
@@ -31,8 +31,8 @@ pub trait Scheme: Copy {
         false
     }
 
-    /// Calls `tap(vector, weight)` for the vectors that count at `q`; `q` is clamped to the grid's box.
-    fn taps<T: Real>(&self, grid: &Grid<T>, q: Vector3<T>, tap: &mut impl FnMut(usize, T));
+    /// [`LaneModel::lane_taps`] over a grid; `q` is clamped to the grid's box.
+    fn taps<T: Real, L: Lane<Scalar = T>>(&self, grid: &Grid<T>, q: [L; 3], tap: &mut impl FnMut(L::Index, usize, L));
 
     /// WGSL that defines `fn rig_taps(q: vec3f)` on the grid that `grid.wgsl` describes.
     fn wgsl(&self) -> String;
@@ -47,9 +47,9 @@ pub struct SchemeModel<'g, T, S> {
     pub scheme: S,
 }
 
-impl<T: Real, S: Scheme> RigModel<T> for SchemeModel<'_, T, S> {
+impl<T: Real, S: Scheme> LaneModel<T> for SchemeModel<'_, T, S> {
     #[inline(always)]
-    fn taps(&self, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
+    fn lane_taps<L: Lane<Scalar = T>>(&self, q: [L; 3], tap: &mut impl FnMut(L::Index, usize, L)) {
         self.scheme.taps(self.grid, q, tap);
     }
 }
@@ -86,11 +86,16 @@ macro_rules! interpolations {
             }
 
             #[inline(always)]
-            pub fn taps<T: Real>(&self, grid: &Grid<T>, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
+            pub fn taps<T: Real, L: Lane<Scalar = T>>(
+                &self,
+                grid: &Grid<T>,
+                q: [L; 3],
+                tap: &mut impl FnMut(L::Index, usize, L),
+            ) {
                 match self { $(Interpolation::$scheme(scheme) => scheme.taps(grid, q, tap)),+ }
             }
 
-            /// [`RigModel::irradiance`] with the scheme chosen once and not at every point.
+            /// [`LaneModel::lane_irradiance`] with the scheme chosen once and not at every point.
             pub fn irradiance<T: Real, const C: usize>(
                 &self,
                 grid: &Grid<T>,
@@ -100,7 +105,7 @@ macro_rules! interpolations {
             ) {
                 match *self {
                     $(Interpolation::$scheme(scheme) =>
-                        SchemeModel { grid, scheme }.irradiance::<C>(vectors, points, out)),+
+                        SchemeModel { grid, scheme }.lane_irradiance::<C>(vectors, points, out)),+
                 }
             }
 

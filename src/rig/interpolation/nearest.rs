@@ -1,6 +1,6 @@
 use super::Scheme;
-use crate::math::{Real, Vector3};
-use crate::rig::{Grid, GridAxis};
+use crate::math::Real;
+use crate::rig::{Grid, GridAxis, Lane};
 
 /// The nearest sample; ties go to the lower index.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -12,10 +12,13 @@ pub const TIE_WIDTH: f64 = 4.0;
 
 /// Index of the nearest sample on an axis.
 #[inline(always)]
-fn nearest_index<T: Real>(axis: &GridAxis<T>, q: T) -> usize {
+fn nearest_index<T: Real, L: Lane<Scalar = T>>(axis: &GridAxis<T>, q: L) -> L::Index {
+    if axis.count == 1 {
+        return L::index(0);
+    }
     let (lower, t) = axis.cell(q);
     let middle = T::of(0.5) + T::of(TIE_WIDTH * axis.count as f64) * T::epsilon();
-    lower + usize::from(t > middle)
+    L::index_sum(lower, t.above(middle), 1)
 }
 
 impl Scheme for Nearest {
@@ -24,9 +27,10 @@ impl Scheme for Nearest {
     }
 
     #[inline(always)]
-    fn taps<T: Real>(&self, grid: &Grid<T>, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
-        let [x, y, z] = std::array::from_fn(|a| nearest_index(&grid.axes[a], q[a]));
-        tap(grid.value_vector(x, y, z), T::one());
+    fn taps<T: Real, L: Lane<Scalar = T>>(&self, grid: &Grid<T>, q: [L; 3], tap: &mut impl FnMut(L::Index, usize, L)) {
+        let [x, y, z] = &grid.axes;
+        let nearest = [nearest_index(x, q[0]), nearest_index(y, q[1]), nearest_index(z, q[2])];
+        tap(grid.value_vector::<L>(nearest), 0, L::constant(1.0));
     }
 
     fn wgsl(&self) -> String {

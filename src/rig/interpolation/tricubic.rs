@@ -1,7 +1,7 @@
 use super::Scheme;
 use super::gradient_corrected::one_expanded_axis;
-use crate::math::{Real, Vector3};
-use crate::rig::{Grid, GridAxis, Nodes, tensor_taps};
+use crate::math::Real;
+use crate::rig::{Grid, GridAxis, Lane, Nodes, tensor_taps};
 
 /// Tensor cubic Hermite interpolation from values and gradients, mixed derivatives taken as zero.
 /// The Hermite data of an axis with one sample are a value and a derivative: the straight line.
@@ -11,15 +11,15 @@ pub struct Tricubic {}
 /// Cubic Hermite weights h00 = (1 + 2t)(1 - t)^2, h01 = t^2 (3 - 2t) on the values and h10 = t (1 - t)^2,
 /// h11 = -t^2 (1 - t), times the spacing, on the derivatives.
 #[inline(always)]
-pub fn hermite_nodes<T: Real>(axis: &GridAxis<T>, q: T) -> Nodes<T> {
+pub fn hermite_nodes<T: Real, L: Lane<Scalar = T>>(axis: &GridAxis<T>, q: L) -> Nodes<L> {
     if axis.count == 1 {
-        return Nodes::one(0, axis.clamp(q));
+        return Nodes::one(axis.clamp(q));
     }
     let (lower, t) = axis.cell(q);
-    let rest = T::one() - t;
-    let upper = t * t * (T::of(3.0) - T::of(2.0) * t);
-    let slope = axis.spacing * t * rest;
-    Nodes::two(lower, [T::one() - upper, upper], [slope * rest, -slope * t])
+    let rest = L::constant(1.0) - t;
+    let upper = t * t * (L::constant(3.0) - L::constant(2.0) * t);
+    let slope = L::splat(axis.spacing) * t * rest;
+    Nodes::two(lower, [L::constant(1.0) - upper, upper], [slope * rest, L::constant(0.0) - slope * t])
 }
 
 impl Scheme for Tricubic {
@@ -32,8 +32,9 @@ impl Scheme for Tricubic {
     }
 
     #[inline(always)]
-    fn taps<T: Real>(&self, grid: &Grid<T>, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
-        tensor_taps(grid, &std::array::from_fn(|a| hermite_nodes(&grid.axes[a], q[a])), tap);
+    fn taps<T: Real, L: Lane<Scalar = T>>(&self, grid: &Grid<T>, q: [L; 3], tap: &mut impl FnMut(L::Index, usize, L)) {
+        let [x, y, z] = &grid.axes;
+        tensor_taps(grid, &[hermite_nodes(x, q[0]), hermite_nodes(y, q[1]), hermite_nodes(z, q[2])], tap);
     }
 
     fn wgsl(&self) -> String {

@@ -1,6 +1,6 @@
 use super::Scheme;
-use crate::math::{Real, Vector3};
-use crate::rig::{Grid, GridAxis, Nodes, tensor_taps};
+use crate::math::Real;
+use crate::rig::{Grid, GridAxis, Lane, Nodes, tensor_taps};
 
 /// Linear on each axis.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -8,12 +8,12 @@ pub struct Trilinear {}
 
 /// Weights 1 - t and t on the two samples around the clamped place.
 #[inline(always)]
-pub fn linear_nodes<T: Real>(axis: &GridAxis<T>, q: T) -> Nodes<T> {
+pub fn linear_nodes<T: Real, L: Lane<Scalar = T>>(axis: &GridAxis<T>, q: L) -> Nodes<L> {
     if axis.count == 1 {
-        return Nodes::one(0, T::zero());
+        return Nodes::one(L::constant(0.0));
     }
     let (lower, t) = axis.cell(q);
-    Nodes::two(lower, [T::one() - t, t], [T::zero(); 2])
+    Nodes::two(lower, [L::constant(1.0) - t, t], [L::constant(0.0); 2])
 }
 
 impl Scheme for Trilinear {
@@ -22,8 +22,9 @@ impl Scheme for Trilinear {
     }
 
     #[inline(always)]
-    fn taps<T: Real>(&self, grid: &Grid<T>, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
-        tensor_taps(grid, &std::array::from_fn(|a| linear_nodes(&grid.axes[a], q[a])), tap);
+    fn taps<T: Real, L: Lane<Scalar = T>>(&self, grid: &Grid<T>, q: [L; 3], tap: &mut impl FnMut(L::Index, usize, L)) {
+        let [x, y, z] = &grid.axes;
+        tensor_taps(grid, &[linear_nodes(x, q[0]), linear_nodes(y, q[1]), linear_nodes(z, q[2])], tap);
     }
 
     fn wgsl(&self) -> String {

@@ -1,0 +1,169 @@
+//! What a rig costs at a point on the CPU, one core, `f32`: every kind, plain and wide, with ratios taken in one run.
+//! `cargo bench --bench rigs`; the ratios are printed first, Criterion's figures follow.
+
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use criterion::{BatchSize, BenchmarkId, Criterion, Throughput};
+use glam::DVec3;
+use rigbench::math::{Rgb, Stream, StreamPurpose};
+use rigbench::rig::{AnyRig, LocalPoints, Model, Rig, RigModel, ShVectors, catalogue, plain_irradiance};
+
+const HALF: [f64; 3] = [2.0, 0.7, 0.9];
+/// The area points of a receiver.
+const POINTS: usize = 4096;
+/// More than any cache holds: 24 bytes a point.
+const STREAMED: usize = 1 << 23;
+
+fn rig(text: &str) -> AnyRig {
+    AnyRig::inline(text).unwrap()
+}
+
+fn points(count: usize) -> LocalPoints<f32> {
+    let mut stream = Stream::indexed(31, StreamPurpose::Test, 0);
+    let mut points = LocalPoints::default();
+    for _ in 0..count {
+        points.push(DVec3::from_array(HALF.map(|h| stream.uniform_between(-h, h))), stream.direction());
+    }
+    points
+}
+
+/// Random samples, as many as the rig asks for.
+fn sampled(rig: &AnyRig, order: usize) -> ShVectors<f32> {
+    let mut stream = Stream::indexed(32, StreamPurpose::Test, 0);
+    let count = rig.placement(HALF).iter().map(|r| r.vectors()).sum();
+    let mut vectors = ShVectors::zeros(order, count);
+    vectors.data.iter_mut().for_each(|v| *v = stream.uniform_between(-1.0, 1.0) as f32);
+    vectors
+}
+
+struct Subject {
+    model: Model<f32>,
+    vectors: ShVectors<f32>,
+}
+
+impl Subject {
+    fn new(text: &str, order: usize) -> Self {
+        let rig = rig(text);
+        Self { model: rig.model(HALF), vectors: rig.fit(HALF, sampled(&rig, order)).vectors }
+    }
+    fn wide<const C: usize>(&self, points: &LocalPoints<f32>, out: &mut [Rgb<f32>]) {
+        self.model.irradiance::<C>(black_box(&self.vectors), black_box(points), out);
+    }
+    fn plain<const C: usize>(&self, points: &LocalPoints<f32>, out: &mut [Rgb<f32>]) {
+        plain_irradiance::<f32, _, C>(&self.model, black_box(&self.vectors), black_box(points), out);
+    }
+}
+
+/// Medians of two workloads that take turns, so that a change of the machine's pace meets both.
+fn medians(repeats: usize, mut first: impl FnMut(), mut second: impl FnMut()) -> [Duration; 2] {
+    let timed = |work: &mut dyn FnMut()| {
+        let start = Instant::now();
+        work();
+        start.elapsed()
+    };
+    first();
+    second();
+    let mut samples = [Vec::new(), Vec::new()];
+    for _ in 0..repeats {
+        samples[0].push(timed(&mut first));
+        samples[1].push(timed(&mut second));
+    }
+    samples.map(|mut s| {
+        s.sort();
+        s[s.len() / 2]
+    })
+}
+
+fn per_point(time: Duration, points: usize) -> f64 {
+    time.as_secs_f64() * 1e9 / points as f64
+}
+
+fn speedup<const C: usize>(text: &str, order: usize) {
+    let subject = Subject::new(text, order);
+    let points = points(POINTS);
+    let (mut a, mut b) = (vec![Rgb::zero(); POINTS], vec![Rgb::zero(); POINTS]);
+    let [plain, wide] = medians(301, || subject.plain::<C>(&points, &mut a), || subject.wide::<C>(&points, &mut b));
+    let [plain, wide] = [plain, wide].map(|t| per_point(t, POINTS));
+    println!("order {order}, {text}: plain {plain:.2} ns, wide {wide:.2} ns a point, ratio {:.2}", plain / wide);
+}
+
+/// The constant rig against a copy of as many bytes as it reads and writes (three normals' numbers in, three channels out).
+fn bandwidth() {
+    let subject = Subject::new("constant = {}", 3);
+    let points = points(STREAMED);
+    let mut out = vec![Rgb::zero(); STREAMED];
+    let (from, mut to) = (vec![1.0f32; 3 * STREAMED], vec![0.0f32; 3 * STREAMED]);
+    let [rig, copy] =
+        medians(15, || subject.wide::<9>(&points, &mut out), || black_box(&mut to).copy_from_slice(black_box(&from)));
+    let gigabytes = |t: Duration| 24.0 * STREAMED as f64 / t.as_secs_f64() / 1e9;
+    println!(
+        "order 3, constant over {STREAMED} points: {:.2} ns a point, {:.1} GB/s; copy {:.1} GB/s, share {:.2}",
+        per_point(rig, STREAMED),
+        gigabytes(rig),
+        gigabytes(copy),
+        copy.as_secs_f64() / rig.as_secs_f64()
+    );
+}
+
+fn ratios() {
+    bandwidth();
+    for samples in ["[2, 2, 2]", "[3, 2, 2]", "[3, 3, 3]", "[8, 4, 2]", "[16, 16, 16]"] {
+        speedup::<9>(&format!("lattice = {{ samples = {samples} }}"), 3);
+    }
+    for entry in catalogue() {
+        speedup::<9>(entry.text, 3);
+    }
+    let lattice = "lattice = { samples = [3, 3, 3] }";
+    speedup::<1>(lattice, 1);
+    speedup::<4>(lattice, 2);
+    speedup::<16>(lattice, 4);
+    speedup::<25>(lattice, 5);
+    speedup::<36>(lattice, 6);
+}
+
+fn evaluation(c: &mut Criterion) {
+    let mut group = c.benchmark_group("order 3 irradiance, 4096 points");
+    group.throughput(Throughput::Elements(POINTS as u64));
+    let points = points(POINTS);
+    let mut out = vec![Rgb::zero(); POINTS];
+    for entry in catalogue() {
+        let subject = Subject::new(entry.text, 3);
+        group.bench_function(BenchmarkId::new("wide", entry.text), |b| b.iter(|| subject.wide::<9>(&points, &mut out)));
+        group.bench_function(BenchmarkId::new("plain", entry.text), |b| {
+            b.iter(|| subject.plain::<9>(&points, &mut out))
+        });
+    }
+}
+
+/// From samples to kept vectors: nothing for a lattice, a system for RBFs (with the factorisation, and without where the box stays).
+fn fit(c: &mut Criterion) {
+    let mut group = c.benchmark_group("order 3 fit");
+    for text in [
+        "lattice = { samples = [3, 3, 3] }",
+        "lattice = { samples = [2, 2, 2], interpolation = \"half_gradient\" }",
+        "rbf = { centers = \"corners+centre\", kernel = \"cubic\" }",
+        "rbf = { samples = [3, 3, 3], kernel = \"cubic\" }",
+    ] {
+        let rig = rig(text);
+        let samples = sampled(&rig, 3);
+        group.bench_function(text, |b| {
+            b.iter_batched(|| samples.clone(), |samples| rig.fit(HALF, samples), BatchSize::SmallInput)
+        });
+        if let AnyRig::Rbf(rbf) = &rig {
+            let solver = rbf.solver(HALF);
+            group.bench_function(format!("{text}, factorised"), |b| b.iter(|| solver.solve(black_box(&samples))));
+        }
+    }
+}
+
+fn main() {
+    // `cargo test --benches` and `cargo bench -- --list` want no long measurement
+    if !std::env::args().any(|a| a == "--test" || a == "--list") {
+        ratios();
+    }
+    let mut criterion = Criterion::default().configure_from_args();
+    evaluation(&mut criterion);
+    fit(&mut criterion);
+    criterion.final_summary();
+}
