@@ -5,7 +5,7 @@ use super::draw_all::machine;
 use super::pareto::{Halving, front, halving};
 use super::scale::{Format, next_to_nothing};
 use super::statistics::{CASE, ranks};
-use super::table::{Row, Table, groups, name, varying_axes};
+use super::table::{Row, Table, family, groups, name, varying_axes};
 use crate::cost::Samples;
 
 /// The cost that candidates are ranked by: frame time for the receivers' own vertices; where nothing was timed, SH vectors.
@@ -49,8 +49,18 @@ struct Part {
 pub fn summary(table: &Table) -> String {
     let pooled = table.pooled();
     let mut out = String::new();
-    for group in groups(pooled.rows(), &["backend", "adapter"]) {
-        let part = part(&machine(group.key[0], group.key[1]), &group.rows);
+    // a family of random layouts would outweigh the named ones: rates over it are figures and claims of their own
+    let named: Vec<Row> = pooled.rows().filter(|r| family(r.text("lights")).is_none()).collect();
+    let rows = if named.is_empty() { pooled.rows().collect() } else { named };
+    for group in groups(rows.into_iter(), &["backend", "adapter"]) {
+        let compared = comparable(&group.rows);
+        let mut part = part(&machine(group.key[0], group.key[1]), &compared);
+        let left_out = group.rows.len() - compared.len();
+        if left_out > 0 {
+            part.notes.push(format!(
+                "{left_out} more rows, of candidates that were not timed or not measured in every case, are in results.csv and the figures."
+            ));
+        }
         out += &format!("### {}\n\n", part.heading);
         out += &aligned(&part.header, &part.lines);
         out.push('\n');
@@ -62,6 +72,20 @@ pub fn summary(table: &Table) -> String {
     out.truncate(out.trim_end().len());
     out.push('\n');
     out
+}
+
+/// The rows of candidates that were timed (where any was) and measured in as many cases as the others: medians over
+/// different cases do not compare.
+fn comparable<'t>(rows: &[Row<'t>]) -> Vec<Row<'t>> {
+    let varying = varying_axes(rows);
+    let timed = rows.iter().any(|r| r.number(FRAME).is_some());
+    let kept: Vec<Row> = rows.iter().copied().filter(|r| !timed || r.number(FRAME).is_some()).collect();
+    let mut cases: std::collections::HashMap<String, usize> = Default::default();
+    for row in &kept {
+        *cases.entry(name(row, &varying)).or_default() += 1;
+    }
+    let most = cases.values().copied().max().unwrap_or(0);
+    kept.into_iter().filter(|row| cases[&name(row, &varying)] == most).collect()
 }
 
 fn part(heading: &str, rows: &[Row]) -> Part {

@@ -80,6 +80,30 @@ pub struct Record {
     pub seconds: f64,
 }
 
+/// A finished run as the index notes it.
+#[derive(Serialize, Deserialize)]
+struct IndexEntry {
+    key: Key,
+    /// Bytes of metrics.json, and when it was written, nanoseconds since 1970.
+    size: u64,
+    modified: u64,
+    seconds: f64,
+    metrics: Value,
+}
+
+impl IndexEntry {
+    fn is_current(&self, key: &Key, store: &Store) -> bool {
+        self.key == *key && stamp(&store.folder(key).join("metrics.json")) == Some((self.size, self.modified))
+    }
+}
+
+/// Size and time of a file.
+fn stamp(path: &Path) -> Option<(u64, u64)> {
+    let metadata = std::fs::metadata(path).ok()?;
+    let modified = metadata.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
+    Some((metadata.len(), u64::try_from(modified.as_nanos()).ok()?))
+}
+
 /// What the store knows of a key.
 #[derive(Clone, Debug, PartialEq)]
 enum Kept {
@@ -250,8 +274,21 @@ impl Store {
 
     /// For each planned run: cached, or why it would be computed. Reads only.
     pub fn survey(&self, planned: &[Identity], force: bool) -> Vec<Reason> {
-        let keys: Vec<Key> = planned.iter().map(Identity::key).collect();
-        let kept: Vec<Kept> = keys.iter().map(|key| self.kept(key)).collect();
+        self.survey_with_records(planned, force).into_iter().map(|(reason, _)| reason).collect()
+    }
+
+    /// As [`Store::survey`], with what is kept of the cached ones.
+    pub fn survey_with_records(&self, planned: &[Identity], force: bool) -> Vec<(Reason, Option<Record>)> {
+        use rayon::prelude::*;
+        let index = self.index();
+        let keys: Vec<Key> = planned.par_iter().map(Identity::key).collect();
+        let kept: Vec<Kept> = keys
+            .par_iter()
+            .map(|key| match index.get(&key.run()).filter(|entry| entry.is_current(key, self)) {
+                Some(entry) => Kept::Ok(Record { metrics: entry.metrics.clone(), seconds: entry.seconds }),
+                None => self.kept(key),
+            })
+            .collect();
         // the last run of the same columns is looked for only where a key is unknown
         let last = match kept.contains(&Kept::Nothing) {
             true => self.last_by_columns(&keys.iter().map(Key::run).collect()),
@@ -261,18 +298,46 @@ impl Store {
             .iter()
             .zip(kept)
             .map(|(identity, kept)| match kept {
-                Kept::Ok(_) if force => Reason::Forced,
-                Kept::Ok(_) => Reason::Cached,
-                Kept::Unfinished => Reason::Unfinished,
-                Kept::Damaged(file) => Reason::Damaged(file),
-                Kept::Failed(why) => Reason::FailedBefore(why),
-                Kept::Skipped(why) => Reason::SkippedBefore(why),
+                Kept::Ok(_) if force => (Reason::Forced, None),
+                Kept::Ok(record) => (Reason::Cached, Some(record)),
+                Kept::Unfinished => (Reason::Unfinished, None),
+                Kept::Damaged(file) => (Reason::Damaged(file), None),
+                Kept::Failed(why) => (Reason::FailedBefore(why), None),
+                Kept::Skipped(why) => (Reason::SkippedBefore(why), None),
                 Kept::Nothing => match last.get(&identity.columns) {
-                    Some((_, before)) => Reason::Changed(changes(before, identity)),
-                    None => Reason::New,
+                    Some((_, before)) => (Reason::Changed(changes(before, identity)), None),
+                    None => (Reason::New, None),
                 },
             })
             .collect()
+    }
+
+    fn index_path(&self) -> PathBuf {
+        self.root.join("runs").join("index.json")
+    }
+
+    /// What the last sweep noted of its finished runs, by run. An entry stands only while its metrics.json has the size and the time
+    /// that it had: the index saves reading and hashing thousands of files, and is believed for nothing else.
+    fn index(&self) -> HashMap<String, IndexEntry> {
+        match read_json(&self.index_path()) {
+            Read::There(index) => index,
+            _ => HashMap::new(),
+        }
+    }
+
+    /// Notes finished runs for the next survey.
+    pub fn write_index(&self, finished: &[(Key, Record)]) -> Result<(), StoreError> {
+        let entries: BTreeMap<String, IndexEntry> = finished
+            .iter()
+            .filter_map(|(key, record)| {
+                let (size, modified) = stamp(&self.folder(key).join("metrics.json"))?;
+                let entry =
+                    IndexEntry { key: *key, size, modified, seconds: record.seconds, metrics: record.metrics.clone() };
+                Some((key.run(), entry))
+            })
+            .collect();
+        let bytes = serde_json::to_vec(&entries).expect("a store's files are plain JSON");
+        write_atomic(&self.index_path(), &bytes)
     }
 
     /// The last of the runs of each set of columns, but for runs that are planned themselves.

@@ -9,11 +9,12 @@ use serde_json::json;
 use super::block::{Block, BlockRequest, Film, Findings, Sampling};
 use super::progress::Progress;
 use super::timing::{Times, time_block};
-use super::{ArrayCache, Claim, Store, StoreError, interrupt};
+use super::{ArrayCache, Claim, Record, Store, StoreError, interrupt};
 use crate::candidate::{Arithmetic, GpuBench, Probes, Recipe};
 use crate::cost::processor_name;
 use crate::experiment::{
-    ALGORITHMS, Axis, Backend, Candidate, Experiment, Identity, Keep, Precision, ProbeSource, Storage, TimingIdentity,
+    ALGORITHMS, Axis, Backend, Candidate, Experiment, Identity, Keep, Key, Precision, ProbeSource, Storage,
+    TimingIdentity,
 };
 use crate::gpu::{AdapterKind, Gpu};
 use crate::math::Rgb;
@@ -140,14 +141,14 @@ pub fn sweep(
     options: SweepOptions,
 ) -> Result<Sweep, SweepError> {
     let identities: Vec<Identity> = candidates.par_iter().map(Candidate::identity).collect();
-    let reasons = store.survey(&identities, options.force);
+    let surveyed = store.survey_with_records(&identities, options.force);
     let mut runs: Vec<Run> = candidates
         .into_iter()
         .zip(identities)
-        .zip(&reasons)
-        .map(|((candidate, identity), reason)| Run {
-            ending: Ending::Open,
-            cached: reason.is_cached(),
+        .zip(surveyed)
+        .map(|((candidate, identity), (_, record))| Run {
+            ending: record.and_then(findings_of).map_or(Ending::Open, |findings| Ending::Ok(Box::new(findings))),
+            cached: false,
             times: None,
             adapter: None,
             fronts: Vec::new(),
@@ -176,6 +177,16 @@ pub fn sweep(
         interrupted = times(experiment, &mut runs, store, &cache, bench, &driver)?;
     }
     fronts(&mut runs);
+    let finished: Vec<(Key, Record)> = runs
+        .iter()
+        .filter_map(|run| {
+            let metrics = serde_json::to_value(run.findings()?).expect("findings are plain JSON");
+            Some((run.identity.key(), Record { metrics, seconds: 0.0 }))
+        })
+        .collect();
+    if runs.iter().any(|run| !run.cached) {
+        store.write_index(&finished)?;
+    }
     if !interrupted {
         interrupted = images(experiment, &mut runs, store, &cache, bench)?;
     }
@@ -210,15 +221,9 @@ fn numbers(
     adapter: &Option<Result<String, String>>,
     options: SweepOptions,
 ) -> Result<bool, SweepError> {
-    runs.par_iter_mut().for_each(|run| {
-        if run.cached
-            && let Some(findings) = stored_findings(store, &run.identity)
-        {
-            run.ending = Ending::Ok(Box::new(findings));
-        } else {
-            run.cached = false;
-        }
-    });
+    for run in runs.iter_mut() {
+        run.cached = run.findings().is_some();
+    }
     let wanted: Vec<Vec<usize>> = blocks(runs)
         .into_iter()
         .map(|block| block.into_iter().filter(|i| !runs[*i].cached).collect::<Vec<_>>())
@@ -279,8 +284,9 @@ fn numbers(
     Ok(false)
 }
 
-fn stored_findings(store: &Store, identity: &Identity) -> Option<Findings> {
-    serde_json::from_value(store.record(&identity.key())?.metrics).ok()
+/// What a record holds; none where another version of the program wrote it.
+fn findings_of(record: Record) -> Option<Findings> {
+    serde_json::from_value(record.metrics).ok()
 }
 
 fn orders_of<'c>(candidates: impl Iterator<Item = &'c Candidate>) -> Vec<usize> {
@@ -562,7 +568,7 @@ fn images(
             && match experiment.image.keep {
                 Keep::All => true,
                 Keep::None => false,
-                Keep::Front => !run.fronts.is_empty() || one_of_each_rig.insert(rig),
+                Keep::Front => run.fronts.contains(&"nrmse") || one_of_each_rig.insert(rig),
             };
     }
     for (index, run) in runs.iter().enumerate() {
@@ -570,7 +576,7 @@ fn images(
             store.drop_image(&run.identity.key())?;
         }
     }
-    let hdr_key = |run: &Run| crate::experiment::Key::of(&json!({ "flip_hdr": run.identity.key().hex() }));
+    let hdr_key = |run: &Run| Key::of(&json!({ "flip_hdr": run.identity.key().hex() }));
     for run in runs.iter_mut().filter(|run| !run.fronts.is_empty()) {
         let kept = cache.load(&hdr_key(run));
         run.flip_hdr = kept.and_then(|arrays| arrays.get("flip_hdr").and_then(|values| values.first().copied()));
