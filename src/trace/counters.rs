@@ -1,6 +1,8 @@
 use std::iter::Sum;
 use std::ops::{Add, AddAssign};
 
+use glam::DVec3;
+
 /// What was computed, counted where it is computed: what an effect costs, and proof that one left out cost nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Counters {
@@ -17,6 +19,45 @@ pub struct Counters {
     /// Gradient terms whose 1/cos at a silhouette was clamped, and all such terms.
     pub clamped_gradients: u64,
     pub gradient_terms: u64,
+}
+
+/// A ray that was cast.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CastRay {
+    pub origin: DVec3,
+    /// Unit.
+    pub direction: DVec3,
+    /// Metres within which anything at all was asked for; `None`: the nearest surface was.
+    pub within: Option<f64>,
+}
+
+/// Looks on while an estimate is made.
+pub(super) trait Observer {
+    fn counters(&mut self) -> &mut Counters;
+    fn ray(&mut self, _ray: CastRay) {}
+}
+
+impl Observer for Counters {
+    #[inline(always)]
+    fn counters(&mut self) -> &mut Counters {
+        self
+    }
+}
+
+/// Counts, and keeps every ray.
+#[derive(Debug, Default)]
+pub(super) struct RayLog {
+    pub rays: Vec<CastRay>,
+    counters: Counters,
+}
+
+impl Observer for RayLog {
+    fn counters(&mut self) -> &mut Counters {
+        &mut self.counters
+    }
+    fn ray(&mut self, ray: CastRay) {
+        self.rays.push(ray);
+    }
 }
 
 impl Counters {

@@ -3,7 +3,7 @@ use std::time::Instant;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::counters::Counters;
+use super::counters::{CastRay, Counters, Observer, RayLog};
 use super::gather::{Gather, IrradianceGather, ProjectionGather};
 use super::sampler::{Sampler, derive};
 use super::transport::{Component, Transport};
@@ -139,6 +139,20 @@ impl Progress {
 
     /// So many more samples of one component, in batches whose means give the variance.
     fn refine(&mut self, index: usize, transport: &Transport, p: DVec3, gather: &impl Gather, samples: u64) {
+        let mut counters = Counters::default();
+        self.refine_watched(index, transport, p, gather, samples, &mut counters);
+        self.counters += counters;
+    }
+
+    fn refine_watched(
+        &mut self,
+        index: usize,
+        transport: &Transport,
+        p: DVec3,
+        gather: &impl Gather,
+        samples: u64,
+        observer: &mut impl Observer,
+    ) {
         let tally = &mut self.tallies[index];
         let samples = if tally.single { 1 } else { samples };
         let size = samples.div_ceil(BATCHES);
@@ -152,9 +166,9 @@ impl Progress {
             let batch_key = derive(round_key, batch);
             for sample in 0..size {
                 let mut sampler = Sampler::new(batch_key, sample as u32);
-                let (arrival, blocked) = transport.sample(tally.component, p, gather, &mut sampler, &mut self.counters);
+                let (arrival, blocked) = transport.sample(tally.component, p, gather, &mut sampler, observer);
                 if let Some(arrival) = arrival.filter(|arrival| arrival.weight.max_abs() > 0.0) {
-                    gather.add(if blocked { &mut hidden } else { &mut sum }, &arrival, &mut self.counters);
+                    gather.add(if blocked { &mut hidden } else { &mut sum }, &arrival, observer.counters());
                     tally.events += 1;
                 }
             }
@@ -295,6 +309,19 @@ impl Transport<'_> {
         progress.iter().map(finished).collect()
     }
 
+    fn surface_receivers<'p>(
+        points: &'p [SurfacePoint],
+        lobe: &'p Lobe<f64>,
+        seed: Seed,
+    ) -> Vec<(DVec3, IrradianceGather<'p>, u64)> {
+        let receiver = |point: &'p SurfacePoint| {
+            let (p, n) = (point.position, point.normal);
+            let key = Stream::at(seed.seed, seed.purpose, &[p.x, p.y, p.z, n.x, n.y, n.z]).next_u64();
+            (p, IrradianceGather { point, lobe }, key)
+        };
+        points.iter().map(receiver).collect()
+    }
+
     /// E at surface points under a lobe, W m^-2.
     ///
     /// E(p, n) = integral of L(p, w) f(n . w) dw, where L holds the layout's lights, and what static geometry blocks, emits and
@@ -307,15 +334,20 @@ impl Transport<'_> {
         seed: Seed,
         effort: Effort,
     ) -> Vec<Estimate<Rgb<f64>>> {
-        let receivers: Vec<_> = points
-            .iter()
-            .map(|point| {
-                let (p, n) = (point.position, point.normal);
-                let key = Stream::at(seed.seed, seed.purpose, &[p.x, p.y, p.z, n.x, n.y, n.z]).next_u64();
-                (p, IrradianceGather { point, lobe }, key)
-            })
-            .collect();
+        let receivers = Self::surface_receivers(points, lobe, seed);
         Self::finish(&self.run(&receivers, effort), 3, |v| Rgb::new(v[0], v[1], v[2]))
+    }
+
+    /// The rays that [`Transport::irradiance`] casts with so many samples, one point after the other: for timing and for pictures.
+    pub fn rays(&self, points: &[SurfacePoint], lobe: &Lobe<f64>, seed: Seed, samples: u64) -> Vec<CastRay> {
+        let mut log = RayLog::default();
+        for (p, gather, key) in Self::surface_receivers(points, lobe, seed) {
+            let mut progress = Progress::new(self, p, &gather, key);
+            for index in 0..progress.tallies.len() {
+                progress.refine_watched(index, self, p, &gather, samples, &mut log);
+            }
+        }
+        log.rays
     }
 
     /// SH radiance coefficients of order `order` at points of space, with their derivatives if `gradient` says so.

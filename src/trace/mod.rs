@@ -15,7 +15,7 @@ mod sampler;
 mod transport;
 mod visibility;
 
-pub use counters::Counters;
+pub use counters::{CastRay, Counters};
 pub use effects::{Bounces, Effects, EffectsChoice, SceneFacts};
 pub use estimate::{Effort, Estimate, Projected, Seed};
 pub use gather::SILHOUETTE_COSINE;

@@ -2,7 +2,7 @@ use std::f64::consts::FRAC_1_PI;
 
 use glam::DVec3;
 
-use super::counters::Counters;
+use super::counters::{CastRay, Observer};
 use super::effects::Effects;
 use super::emitters::Emitters;
 use super::gather::{Arrival, Gather, Origin, about};
@@ -177,7 +177,7 @@ impl<'a> Transport<'a> {
         p: DVec3,
         gather: &impl Gather,
         sampler: &mut Sampler,
-        counters: &mut Counters,
+        observer: &mut impl Observer,
     ) -> (Option<Arrival>, bool) {
         let start = match gather.normal() {
             Some(normal) => p + normal * self.tracer.visibility.epsilon(p),
@@ -186,7 +186,7 @@ impl<'a> Transport<'a> {
         let arrival = match component {
             Component::Light(index) => self.light_arrival(index, p, sampler.pair(), gather.wants_slopes()),
             Component::Emitters => {
-                return self.emitter_arrival(p, start, gather, sampler.pair(), counters);
+                return self.emitter_arrival(p, start, gather, sampler.pair(), observer);
             }
             Component::Directions => {
                 let (direction, pdf) = gather.draw(sampler.pair());
@@ -194,7 +194,7 @@ impl<'a> Transport<'a> {
                     return (None, false);
                 }
                 if self.effects.bounces.is_some() {
-                    return (self.along(start, direction, pdf, sampler, counters), false);
+                    return (self.along(start, direction, pdf, sampler, observer), false);
                 }
                 let weight = self.surroundings * (1.0 / pdf);
                 Some((Arrival { direction, weight, origin: Origin::Distant }, f64::INFINITY))
@@ -203,8 +203,7 @@ impl<'a> Transport<'a> {
         match arrival {
             Some((arrival, distance)) if gather.sees(arrival.direction) => {
                 if self.effects.shadows {
-                    counters.shadow_rays += 1;
-                    if self.tracer.visibility.occluded(start, arrival.direction, distance) {
+                    if self.blocked(start, arrival.direction, distance, observer) {
                         return (Some(arrival), true);
                     }
                 }
@@ -253,9 +252,9 @@ impl<'a> Transport<'a> {
         start: DVec3,
         gather: &impl Gather,
         u: [f64; 2],
-        counters: &mut Counters,
+        observer: &mut impl Observer,
     ) -> (Option<Arrival>, bool) {
-        counters.emitter_samples += 1;
+        observer.counters().emitter_samples += 1;
         let emitter = self.tracer.emitters.sample(u);
         let to = emitter.position - p;
         let squared = to.length_squared();
@@ -268,18 +267,30 @@ impl<'a> Transport<'a> {
         let pdf = emitter.pdf_area * squared / cosine;
         let weight = emitter.radiance * (power_heuristic(pdf, gather.pdf(direction)) / pdf);
         let origin = Origin::Surface { distance, normal: emitter.normal, drawn: true };
-        let blocked = self.blocked_between(start, emitter.position, emitter.normal, counters);
+        let blocked = self.blocked_between(start, emitter.position, emitter.normal, observer);
         (Some(Arrival { direction, weight, origin }), blocked)
+    }
+
+    /// Whether anything blocks a light at this distance; it may lie on a surface.
+    #[inline]
+    fn blocked(&self, start: DVec3, direction: DVec3, distance: f64, observer: &mut impl Observer) -> bool {
+        let within = distance - self.tracer.visibility.light_gap(start);
+        within > 0.0 && self.blocked_within(start, direction, within, observer)
+    }
+
+    #[inline]
+    fn blocked_within(&self, start: DVec3, direction: DVec3, within: f64, observer: &mut impl Observer) -> bool {
+        observer.counters().shadow_rays += 1;
+        observer.ray(CastRay { origin: start, direction, within: Some(within) });
+        self.tracer.visibility.occluded_within(start, direction, within)
     }
 
     /// Whether a surface point with this normal is hidden from `start`, which keeps clear of its own surface.
     #[inline]
-    fn blocked_between(&self, start: DVec3, target: DVec3, normal: DVec3, counters: &mut Counters) -> bool {
-        counters.shadow_rays += 1;
-        let visibility = &self.tracer.visibility;
-        let to = target + normal * visibility.epsilon(target) - start;
+    fn blocked_between(&self, start: DVec3, target: DVec3, normal: DVec3, observer: &mut impl Observer) -> bool {
+        let to = target + normal * self.tracer.visibility.epsilon(target) - start;
         let distance = to.length();
-        visibility.occluded_within(start, to / distance, distance)
+        self.blocked_within(start, to / distance, distance, observer)
     }
 
     /// What arrives at `start` along a direction that was drawn with density `pdf`: surroundings, emission, reflected light.
@@ -290,21 +301,22 @@ impl<'a> Transport<'a> {
         direction: DVec3,
         pdf: f64,
         sampler: &mut Sampler,
-        counters: &mut Counters,
+        observer: &mut impl Observer,
     ) -> Option<Arrival> {
-        counters.closest_rays += 1;
-        let Some(vertex) = self.meet(start, direction) else {
+        let Some(vertex) = self.meet(start, direction, observer) else {
             let weight = self.surroundings * (1.0 / pdf);
             return Some(Arrival { direction, weight, origin: Origin::Distant });
         };
-        let radiance = self.emitted(&vertex, direction, pdf) + self.reflected(vertex, sampler, counters);
+        let radiance = self.emitted(&vertex, direction, pdf) + self.reflected(vertex, sampler, observer);
         let origin = Origin::Surface { distance: vertex.distance, normal: vertex.normal, drawn: false };
         Some(Arrival { direction, weight: radiance * (1.0 / pdf), origin })
     }
 
     /// The first surface along a ray. Its place is where the ray meets the triangle's plane in f64.
     #[inline]
-    fn meet(&self, start: DVec3, direction: DVec3) -> Option<Vertex> {
+    fn meet(&self, start: DVec3, direction: DVec3, observer: &mut impl Observer) -> Option<Vertex> {
+        observer.counters().closest_rays += 1;
+        observer.ray(CastRay { origin: start, direction, within: None });
         let Hit { triangle, distance } = self.tracer.visibility.closest(start, direction)?;
         let surface = &self.tracer.surfaces[triangle as usize];
         let slope = surface.normal.dot(direction);
@@ -336,19 +348,19 @@ impl<'a> Transport<'a> {
     }
 
     /// Radiance that a surface reflects diffusely towards where it was seen from, either side, up to the bounces asked for.
-    fn reflected(&self, mut vertex: Vertex, sampler: &mut Sampler, counters: &mut Counters) -> Rgb<f64> {
+    fn reflected(&self, mut vertex: Vertex, sampler: &mut Sampler, observer: &mut impl Observer) -> Rgb<f64> {
         let most = self.effects.most_bounces();
         let mut sum = Rgb::zero();
         let mut throughput = vertex.material.albedo;
         let mut bounce = 0;
         while most.is_none_or(|most| bounce < most) {
             bounce += 1;
-            counters.bounces += 1;
+            observer.counters().bounces += 1;
             if throughput.max_abs() <= 0.0 {
                 break;
             }
             let start = vertex.position + vertex.normal * self.tracer.visibility.epsilon(vertex.position);
-            let direct = self.direct(&vertex, start, sampler, counters);
+            let direct = self.direct(&vertex, start, sampler, observer);
             sum += throughput * direct * FRAC_1_PI;
 
             // the next direction: reflected light of the next surface, emission and surroundings
@@ -366,8 +378,7 @@ impl<'a> Transport<'a> {
             let [u, v] = sampler.pair();
             let cosine = u.sqrt();
             let direction = about(vertex.normal, cosine, v);
-            counters.closest_rays += 1;
-            let Some(next) = self.meet(start, direction) else {
+            let Some(next) = self.meet(start, direction, observer) else {
                 sum += throughput * self.surroundings;
                 break;
             };
@@ -380,7 +391,7 @@ impl<'a> Transport<'a> {
 
     /// Irradiance at a surface straight from one drawn light and one drawn emitter.
     #[inline]
-    fn direct(&self, vertex: &Vertex, start: DVec3, sampler: &mut Sampler, counters: &mut Counters) -> Rgb<f64> {
+    fn direct(&self, vertex: &Vertex, start: DVec3, sampler: &mut Sampler, observer: &mut impl Observer) -> Rgb<f64> {
         let mut sum = Rgb::zero();
         if !self.lights.is_empty() {
             let u = sampler.pair();
@@ -391,15 +402,14 @@ impl<'a> Transport<'a> {
             if let Some((arrival, distance)) = self.light_arrival(index, vertex.position, u, false) {
                 let cosine = vertex.normal.dot(arrival.direction);
                 if cosine > 0.0 {
-                    counters.shadow_rays += 1;
-                    if !self.tracer.visibility.occluded(start, arrival.direction, distance) {
+                    if !self.blocked(start, arrival.direction, distance, observer) {
                         sum += arrival.weight * (cosine / probability);
                     }
                 }
             }
         }
         if !self.tracer.emitters.is_empty() {
-            counters.emitter_samples += 1;
+            observer.counters().emitter_samples += 1;
             let emitter = self.tracer.emitters.sample(sampler.pair());
             let to = emitter.position - vertex.position;
             let squared = to.length_squared();
@@ -407,7 +417,7 @@ impl<'a> Transport<'a> {
             let (cosine, sent) = (vertex.normal.dot(direction), -emitter.normal.dot(direction));
             if cosine > 0.0 && sent > 0.0 {
                 let pdf = emitter.pdf_area * squared / sent;
-                if !self.blocked_between(start, emitter.position, emitter.normal, counters) {
+                if !self.blocked_between(start, emitter.position, emitter.normal, observer) {
                     let heuristic = power_heuristic(pdf, cosine * FRAC_1_PI);
                     sum += emitter.radiance * (cosine * heuristic / pdf);
                 }

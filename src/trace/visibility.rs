@@ -1,4 +1,4 @@
-use glam::{DVec3, Mat3A, Vec3A};
+use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
@@ -28,9 +28,9 @@ pub struct Hit {
 /// Closest and any hits among triangles, by obvhs's eight-wide BVH in f32.
 ///
 /// Coordinates are about the geometry's centre and scaled by a power of two. The triangle test is watertight in the way of Woop,
-/// Benthin and Wald 2013: vertices go to coordinates about the ray, each by itself, and the edge functions there have exact signs, so
-/// that no ray slips between triangles that share an edge. (Theirs shears, this one rotates; theirs repeats zeros in f64, this one
-/// takes every product in f64.) Points are given in f64; [`Visibility::epsilon`] says how far from a surface a ray that leaves it
+/// Benthin and Wald 2013: vertices go to coordinates about the ray, each by itself, and the edge functions there never have the wrong
+/// sign, so that no ray slips between triangles that share an edge. (Theirs shears, this one rotates; theirs repeats zeros in
+/// f64, this one takes them for inside: a ray on an edge meets both triangles.) Points are given in f64; [`Visibility::epsilon`] says how far from a surface a ray that leaves it
 /// must start.
 #[derive(Debug)]
 pub struct Visibility {
@@ -44,43 +44,50 @@ pub struct Visibility {
     bvh: CwBvh,
     /// In the order of the BVH's leaves.
     leaves: Vec<Leaf>,
+    /// The triangle of each leaf as it was given.
+    sources: Vec<u32>,
 }
 
-/// A triangle as rays meet it.
+/// A triangle as rays meet it: the x of its three corners, their y, their z.
 #[derive(Clone, Copy, Debug)]
-struct Leaf {
-    vertices: [Vec3A; 3],
-    source: u32,
-}
+struct Leaf([Vec3A; 3]);
 
-impl Boundable for Leaf {
+/// A triangle's box, widened.
+struct PaddedBox([Vec3A; 3]);
+
+impl Boundable for PaddedBox {
     fn aabb(&self) -> Aabb {
-        let mut bounds = Aabb::from_points(&self.vertices);
+        let mut bounds = Aabb::from_points(&self.0);
         bounds.min -= Vec3A::splat(BOX_PADDING);
         bounds.max += Vec3A::splat(BOX_PADDING);
         bounds
     }
 }
 
-/// A ray as triangles see it: obvhs's, and the rotation that carries its direction to +z.
+/// A ray as triangles see it: obvhs's, and the axes of coordinates in which it runs along +z.
 struct Probe {
     ray: Ray,
-    ray_from_world: Mat3A,
+    axes: [Vec3A; 3],
 }
 
 impl Leaf {
+    fn new([a, b, c]: [Vec3A; 3]) -> Self {
+        Self([Vec3A::new(a.x, b.x, c.x), Vec3A::new(a.y, b.y, c.y), Vec3A::new(a.z, b.z, c.z)])
+    }
+
     /// Distance along the ray, infinite for a miss or beyond the ray's end. Either side is hit; an edge-on triangle is not.
     #[inline(always)]
-    fn intersect(&self, ray: &Ray, ray_from_world: &Mat3A) -> f32 {
-        let [a, b, c] = self.vertices.map(|v| *ray_from_world * (v - ray.origin));
-        // products of two f32 are exact in f64, so that the sign of their difference is
-        let edge = |s: Vec3A, e: Vec3A| f64::from(s.x) * f64::from(e.y) - f64::from(s.y) * f64::from(e.x);
-        let (u, v, w) = (edge(b, c), edge(c, a), edge(a, b));
-        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
+    fn intersect(&self, ray: &Ray, axes: &[Vec3A; 3]) -> f32 {
+        let [x, y, z] = self.0;
+        let (x, y, z) = (x - ray.origin.x, y - ray.origin.y, z - ray.origin.z);
+        // a corner's place about the ray hangs on the corner alone, bit by bit
+        let [across, upwards, along] = axes.map(|axis| x * axis.x + y * axis.y + z * axis.z);
+        // edge functions: each is the difference of two rounded products, the sign of which is right or 0, as rounding keeps order
+        let edges = across.cross(upwards);
+        if edges.cmplt(Vec3A::ZERO).any() && edges.cmpgt(Vec3A::ZERO).any() {
             return f32::INFINITY;
         }
-        let doubled_area = u + v + w;
-        let distance = ((u * f64::from(a.z) + v * f64::from(b.z) + w * f64::from(c.z)) / doubled_area) as f32;
+        let distance = edges.dot(along) / edges.element_sum();
         // false for the 0/0 of an edge-on triangle
         if distance >= ray.tmin && distance <= ray.tmax { distance } else { f32::INFINITY }
     }
@@ -100,18 +107,15 @@ impl Visibility {
         let center = 0.5 * (min + max);
         let half_diagonal = 0.5 * (max - min).length();
         let scale = if half_diagonal > 0.0 { (HALF_DIAGONAL / half_diagonal).log2().floor().exp2() } else { 1.0 };
-        let leaves: Vec<Leaf> = triangles
-            .iter()
-            .zip(0..)
-            .map(|(t, source)| Leaf { vertices: t.map(|v| ((v - center) * scale).as_vec3a()), source })
-            .collect();
-        let bvh = if leaves.is_empty() {
-            CwBvh::default()
-        } else {
-            build_cwbvh(&leaves, BvhBuildParams::medium_build(), &mut Default::default())
+        let boxes: Vec<PaddedBox> =
+            triangles.iter().map(|t| PaddedBox(t.map(|v| ((v - center) * scale).as_vec3a()))).collect();
+        let bvh = match boxes.is_empty() {
+            true => CwBvh::default(),
+            false => build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Default::default()),
         };
-        let leaves = bvh.primitive_indices.iter().map(|i| leaves[*i as usize]).collect();
-        Self { min, max, center, scale, half_diagonal, bvh, leaves }
+        let sources = bvh.primitive_indices.clone();
+        let leaves = sources.iter().map(|source| Leaf::new(boxes[*source as usize].0)).collect();
+        Self { min, max, center, scale, half_diagonal, bvh, leaves, sources }
     }
 
     /// The corners of the geometry's bounding box; both the origin where there is none.
@@ -129,6 +133,12 @@ impl Visibility {
         EPSILON * self.half_diagonal.max((p - self.center).length())
     }
 
+    /// Metres before a light within which nothing blocks it: 16 epsilons.
+    #[inline]
+    pub fn light_gap(&self, from: DVec3) -> f64 {
+        16.0 * self.epsilon(from)
+    }
+
     #[inline(always)]
     fn probe(&self, from: DVec3, direction: DVec3, distance: f64) -> Probe {
         let origin = ((from - self.center) * self.scale).as_vec3a();
@@ -136,33 +146,32 @@ impl Visibility {
         let (tangent, bitangent) = direction.any_orthonormal_pair();
         Probe {
             ray: Ray::new(origin, direction, 0.0, (distance * self.scale) as f32),
-            ray_from_world: Mat3A::from_cols(tangent, bitangent, direction).transpose(),
+            axes: [tangent, bitangent, direction],
         }
     }
 
     /// The first triangle along a ray, whichever side it shows.
     #[inline]
     pub fn closest(&self, from: DVec3, direction: DVec3) -> Option<Hit> {
-        let Probe { ray, ray_from_world } = self.probe(from, direction, f64::INFINITY);
+        let Probe { ray, axes } = self.probe(from, direction, f64::INFINITY);
         let mut hit = RayHit::none();
-        self.bvh.ray_traverse(ray, &mut hit, |ray, id| self.leaves[id].intersect(ray, &ray_from_world)).then(|| Hit {
-            triangle: self.leaves[hit.primitive_id as usize].source,
-            distance: f64::from(hit.t) / self.scale,
-        })
+        self.bvh
+            .ray_traverse(ray, &mut hit, |ray, id| self.leaves[id].intersect(ray, &axes))
+            .then(|| Hit { triangle: self.sources[hit.primitive_id as usize], distance: f64::from(hit.t) / self.scale })
     }
 
     /// Whether anything stands between `from` and the place exactly `distance` metres along the unit `direction`.
     #[inline]
     pub fn occluded_within(&self, from: DVec3, direction: DVec3, distance: f64) -> bool {
-        let Probe { ray, ray_from_world } = self.probe(from, direction, distance);
-        !self.bvh.ray_traverse_miss(ray, |ray, id| self.leaves[id].intersect(ray, &ray_from_world))
+        let Probe { ray, axes } = self.probe(from, direction, distance);
+        !self.bvh.ray_traverse_miss(ray, |ray, id| self.leaves[id].intersect(ray, &axes))
     }
 
     /// Whether anything stands between `from` and the place `distance` metres along the unit `direction` (may be infinite).
-    /// The last 16 epsilons count for nothing: a light may lie on a surface.
+    /// The last of the way counts for nothing ([`Visibility::light_gap`]): a light may lie on a surface.
     #[inline]
     pub fn occluded(&self, from: DVec3, direction: DVec3, distance: f64) -> bool {
-        let within = distance - 16.0 * self.epsilon(from);
+        let within = distance - self.light_gap(from);
         within > 0.0 && self.occluded_within(from, direction, within)
     }
 }

@@ -1,0 +1,218 @@
+//! What the path tracer makes of obvhs: its rays with all shading against a bare replay of the same rays, two cores against one, and
+//! the projection with gradients against the rays that it comes from. `cargo bench --bench trace`. Ratios within one run;
+//! measurements that are compared take turns.
+
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use glam::DVec3;
+use obvhs::BvhBuildParams;
+use obvhs::cwbvh::builder::build_cwbvh_from_tris;
+use obvhs::ray::{Ray, RayHit};
+use obvhs::rt_triangle::RtTriangle;
+use obvhs::triangle::Triangle;
+use rigbench::light::{Light, Sphere};
+use rigbench::math::{Rgb, Stream, StreamPurpose, Vector3};
+use rigbench::scene::SurfacePoint;
+use rigbench::sh::Lobe;
+use rigbench::trace::{
+    Bounces, CastRay, Counters, Effects, Effort, Seed, TracedGeometry, TracedMaterial, Tracer, Transport, Visibility,
+};
+
+const SEED: Seed = Seed { seed: 1, purpose: StreamPurpose::Test };
+const ROUNDS: usize = 40;
+
+fn ball(center: DVec3, radius: f64, rings: usize) -> impl Iterator<Item = [DVec3; 3]> {
+    let sectors = 2 * rings;
+    let at = move |i: usize, j: usize| {
+        let polar = std::f64::consts::PI * i as f64 / rings as f64;
+        let azimuth = std::f64::consts::TAU * (j % sectors) as f64 / sectors as f64;
+        // bumps, so that no two neighbours lie in a plane
+        let bumpy = radius * (1.0 + 0.05 * (9.0 * polar).sin() * (7.0 * azimuth).cos());
+        center + bumpy * DVec3::new(polar.sin() * azimuth.cos(), polar.cos(), polar.sin() * azimuth.sin())
+    };
+    (0..rings).flat_map(move |i| {
+        (0..sectors)
+            .flat_map(move |j| [[at(i, j), at(i, j + 1), at(i + 1, j)], [at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)]])
+    })
+}
+
+/// A room with bumpy balls: 86 thousand triangles, half of every path within touch of them.
+fn scene() -> TracedGeometry {
+    let material = |albedo: f64| TracedMaterial { albedo: Rgb::splat(albedo), emission: Rgb::zero() };
+    let mut geometry = TracedGeometry::default();
+    let (x, y, z) = (DVec3::X * 3.0, DVec3::Y * 2.0, DVec3::Z * 3.0);
+    for (center, u, v) in [(-x, y, z), (x, z, y), (-y, z, x), (y, x, z), (-z, x, y), (z, y, x)] {
+        geometry.add_quad(material(0.6), center, u, v);
+    }
+    let mut stream = Stream::indexed(8, StreamPurpose::Test, 0);
+    for _ in 0..30 {
+        let center = DVec3::new(
+            stream.uniform_between(-2.4, 2.4),
+            stream.uniform_between(-1.5, 1.2),
+            stream.uniform_between(-2.4, 2.4),
+        );
+        geometry.add(material(0.5), ball(center, stream.uniform_between(0.25, 0.6), 27));
+    }
+    geometry
+}
+
+fn lights() -> Vec<Light<f64>> {
+    let sphere =
+        |x, y, z, radius| Light::Sphere(Sphere { center: Vector3::new(x, y, z), radius, radiance: Rgb::splat(4.0) });
+    vec![sphere(1.8, 1.7, -0.5, 0.2), sphere(-2.0, 1.6, 1.0, 0.15)]
+}
+
+fn points(count: usize) -> Vec<SurfacePoint> {
+    let mut stream = Stream::indexed(9, StreamPurpose::Test, 0);
+    (0..count)
+        .map(|_| SurfacePoint {
+            position: DVec3::new(
+                stream.uniform_between(-2.5, 2.5),
+                stream.uniform_between(-1.5, 1.5),
+                stream.uniform_between(-2.5, 2.5),
+            ),
+            normal: stream.direction(),
+        })
+        .collect()
+}
+
+/// The fastest way that obvhs offers to cast rays at these triangles: its own triangle, in the order of the leaves.
+struct Bare {
+    bvh: obvhs::cwbvh::CwBvh,
+    leaves: Vec<RtTriangle>,
+}
+
+impl Bare {
+    fn new(geometry: &TracedGeometry) -> Self {
+        let triangles: Vec<Triangle> = geometry
+            .triangles
+            .iter()
+            .map(|t| t.map(|v| v.as_vec3a()))
+            .map(|[v0, v1, v2]| Triangle { v0, v1, v2 })
+            .collect();
+        let bvh = build_cwbvh_from_tris(&triangles, BvhBuildParams::medium_build(), &mut Duration::default());
+        let leaves = bvh.primitive_indices.iter().map(|i| RtTriangle::from(&triangles[*i as usize])).collect();
+        Self { bvh, leaves }
+    }
+
+    fn ray(ray: &CastRay) -> (Ray, bool) {
+        let [origin, direction] = [ray.origin, ray.direction].map(|v| v.as_vec3a());
+        let end = ray.within.map_or(f32::INFINITY, |d| d as f32);
+        (Ray::new(origin, direction, 1e-4, end), ray.within.is_some())
+    }
+
+    /// How many of the rays met something.
+    fn replay(&self, rays: &[(Ray, bool)]) -> usize {
+        let mut met = 0;
+        for (ray, any) in rays {
+            let intersect = |ray: &Ray, leaf: usize| self.leaves[leaf].intersect(ray);
+            met += usize::from(match any {
+                true => !self.bvh.ray_traverse_miss(*ray, intersect),
+                false => self.bvh.ray_traverse(*ray, &mut RayHit::none(), intersect),
+            });
+        }
+        met
+    }
+}
+
+/// Shortest times of workloads that take turns, seconds: what they take when nothing else disturbs them.
+fn shortest<const N: usize>(rounds: usize, mut works: [&mut dyn FnMut(); N]) -> [f64; N] {
+    let mut best = [f64::INFINITY; N];
+    for _ in 0..rounds {
+        for k in 0..N {
+            let start = Instant::now();
+            works[k]();
+            best[k] = best[k].min(start.elapsed().as_secs_f64());
+        }
+    }
+    best
+}
+
+/// Prints a ratio beside what is asked of it; whether it holds.
+fn holds(what: &str, ratio: f64, asked: f64, at_least: bool) -> bool {
+    let good = if at_least { ratio >= asked } else { ratio <= asked };
+    let word = if at_least { "at least" } else { "at most" };
+    println!("{what}: {ratio:.3} ({word} {asked}) {}", if good { "ok" } else { "MISSED" });
+    good
+}
+
+fn main() {
+    let geometry = scene();
+    println!("{} triangles", geometry.triangles.len());
+    assert!(geometry.triangles.len() >= 80_000);
+    let tracer = Tracer::new(&geometry);
+    let lights = lights();
+    let transport = Transport::new(&tracer, &lights, Effects::bounces(Bounces::Infinite));
+    let points = points(200);
+    let lobe = Lobe::lambert();
+    let samples = 256;
+
+    let rays = transport.rays(&points, &lobe, SEED, samples);
+    let bare = Bare::new(&geometry);
+    let replayed: Vec<(Ray, bool)> = rays.iter().map(Bare::ray).collect();
+    let visibility = Visibility::new(&geometry.triangles);
+    let traced = transport.irradiance(&points, &lobe, SEED, Effort::Samples(samples));
+    assert_eq!(traced.iter().map(|e| e.counters).sum::<Counters>().rays(), rays.len() as u64);
+    let met = bare.replay(&replayed);
+    let met_here = rays
+        .iter()
+        .filter(|ray| match ray.within {
+            Some(within) => visibility.occluded_within(ray.origin, ray.direction, within),
+            None => visibility.closest(ray.origin, ray.direction).is_some(),
+        })
+        .count();
+    println!("{} rays, {met} meet something in the bare replay, {met_here} in the tracer", rays.len());
+    assert!((met as f64 / met_here as f64 - 1.0).abs() < 1e-2, "not the same work");
+
+    let mut all_hold = true;
+    let [one_thread, two_threads] = [1, 2].map(|n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap());
+    // short slices, many rounds: a disturbance spoils a slice and not a measurement
+    let few = &points[..20];
+    let slice = transport.rays(few, &lobe, SEED, samples).len();
+    let (rays, replayed) = (&rays[..slice], &replayed[..slice]);
+    let [one, replay, watertight] = shortest(
+        ROUNDS,
+        [
+            &mut || {
+                black_box(one_thread.install(|| transport.irradiance(few, &lobe, SEED, Effort::Samples(samples))));
+            },
+            &mut || {
+                black_box(bare.replay(black_box(replayed)));
+            },
+            &mut || {
+                for ray in black_box(rays) {
+                    black_box(match ray.within {
+                        Some(within) => visibility.occluded_within(ray.origin, ray.direction, within),
+                        None => visibility.closest(ray.origin, ray.direction).is_some(),
+                    });
+                }
+            },
+        ],
+    );
+    let million = slice as f64 / 1e6;
+    println!(
+        "million rays a second on one core: bare obvhs {:.2}, watertight {:.2}, with shading {:.2}",
+        million / replay,
+        million / watertight,
+        million / one
+    );
+    all_hold &= holds("rays with shading over bare replay", replay / one, 0.6, true);
+
+    // the projection's share: the same paths gathered as order 3 with gradients, and as one number a channel
+    let places: Vec<DVec3> = few.iter().map(|p| p.position).collect();
+    let project = |order, gradient| {
+        black_box(
+            one_thread.install(|| transport.projection(&places, order, gradient, SEED, Effort::Samples(samples))),
+        );
+    };
+    let [with, without] = shortest(ROUNDS, [&mut || project(3, true), &mut || project(1, false)]);
+    all_hold &= holds("order 3 with gradients over tracing alone", with / without - 1.0, 0.2, false);
+
+    let all = |pool: &rayon::ThreadPool| {
+        black_box(pool.install(|| transport.irradiance(&points, &lobe, SEED, Effort::Samples(samples))));
+    };
+    let [one, two] = shortest(ROUNDS / 4, [&mut || all(&one_thread), &mut || all(&two_threads)]);
+    all_hold &= holds("two cores over one", one / two, 1.8, true);
+    std::process::exit(i32::from(!all_hold));
+}
