@@ -59,12 +59,42 @@ pub(super) struct IrradianceGather<'a> {
     pub lobe: &'a Lobe<f64>,
 }
 
+/// Sine and cosine of 2 pi u for u in [0, 1], to 1e-15, by their Taylor polynomials on the nearest eighth of a turn:
+/// less than half the time of the general functions.
+#[inline(always)]
+fn sin_cos_of_turn(u: f64) -> [f64; 2] {
+    // x from -pi/4 to pi/4 about the nearest quarter
+    let quarters = 4.0 * u;
+    let quarter = (quarters + 0.5) as u32;
+    let x = (quarters - f64::from(quarter)) * (0.5 * PI);
+    let x2 = x * x;
+    let sin = x
+        * (1.0
+            + x2 * (-1.0 / 6.0
+                + x2 * (1.0 / 120.0
+                    + x2 * (-1.0 / 5040.0
+                        + x2 * (1.0 / 362_880.0
+                            + x2 * (-1.0 / 39_916_800.0 + x2 * (1.0 / 6_227_020_800.0 - x2 / 1_307_674_368_000.0)))))));
+    let cos = 1.0
+        + x2 * (-0.5
+            + x2 * (1.0 / 24.0
+                + x2 * (-1.0 / 720.0
+                    + x2 * (1.0 / 40_320.0
+                        + x2 * (-1.0 / 3_628_800.0 + x2 * (1.0 / 479_001_600.0 - x2 / 87_178_291_200.0))))));
+    match quarter % 4 {
+        0 => [sin, cos],
+        1 => [cos, -sin],
+        2 => [-sin, -cos],
+        _ => [-cos, sin],
+    }
+}
+
 /// A direction by its cosine to the unit vector `axis`, and an azimuth from u in (0, 1).
 #[inline(always)]
 pub(super) fn about(axis: DVec3, cosine: f64, u: f64) -> DVec3 {
     let (tangent, bitangent) = Vector3::<f64>::of(axis).frame();
     let sine = ((1.0 - cosine) * (1.0 + cosine)).max(0.0).sqrt();
-    let (sin, cos) = (2.0 * PI * u).sin_cos();
+    let [sin, cos] = sin_cos_of_turn(u);
     tangent.to_double() * (sine * cos) + bitangent.to_double() * (sine * sin) + axis * cosine
 }
 
@@ -194,6 +224,24 @@ impl<const C: usize> Gather for ProjectionGather<C> {
                     }
                 }
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sine_and_cosine_of_a_turn() {
+        for k in 0..=4000 {
+            let u = f64::from(k) / 4000.0;
+            let [sin, cos] = sin_cos_of_turn(u);
+            let (sine, cosine) = (2.0 * PI * u).sin_cos();
+            assert!(
+                (sin - sine).abs() < 2e-15 && (cos - cosine).abs() < 2e-15,
+                "{u}: {sin} for {sine}, {cos} for {cosine}"
+            );
         }
     }
 }

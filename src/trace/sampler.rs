@@ -72,18 +72,26 @@ impl Sampler {
         Self { key: batch_key, index, pair: 0 }
     }
 
+    /// The seeds of the next pair, and its point's place in the Sobol sequence; `None` where it is a plain random number.
+    #[inline(always)]
+    fn next(&mut self) -> (u64, Option<u32>) {
+        let pair = self.pair;
+        self.pair += 1;
+        let seeds = derive(self.key, u64::from(pair));
+        if pair >= SPREAD_PAIRS {
+            return (derive(seeds, u64::from(self.index)), None);
+        }
+        let order = mix(seeds) as u32;
+        (seeds, Some(scramble_reversed(self.index.reverse_bits(), order).reverse_bits()))
+    }
+
     /// The next two numbers, uniform on (0, 1).
     #[inline(always)]
     pub fn pair(&mut self) -> [f64; 2] {
-        let pair = self.pair;
-        self.pair += 1;
-        if pair >= SPREAD_PAIRS {
-            let bits = derive(derive(self.key, u64::from(pair)), u64::from(self.index));
-            return [unit(bits as u32), unit((bits >> 32) as u32)];
-        }
-        let seeds = derive(self.key, u64::from(pair));
-        let order = mix(seeds) as u32;
-        let shuffled = scramble_reversed(self.index.reverse_bits(), order).reverse_bits();
+        let (seeds, shuffled) = match self.next() {
+            (bits, None) => return [unit(bits as u32), unit((bits >> 32) as u32)],
+            (seeds, Some(shuffled)) => (seeds, shuffled),
+        };
         let [a, b, c, d] = shuffled.to_le_bytes().map(usize::from);
         let second = SECOND_DIMENSION[0][a] ^ SECOND_DIMENSION[1][b] ^ SECOND_DIMENSION[2][c] ^ SECOND_DIMENSION[3][d];
         [
@@ -92,10 +100,13 @@ impl Sampler {
         ]
     }
 
-    /// The next number, uniform on (0, 1).
+    /// The next number, uniform on (0, 1): the first of a pair.
     #[inline(always)]
     pub fn one(&mut self) -> f64 {
-        self.pair()[0]
+        match self.next() {
+            (bits, None) => unit(bits as u32),
+            (seeds, Some(shuffled)) => unit(scramble_reversed(shuffled, seeds as u32).reverse_bits()),
+        }
     }
 }
 

@@ -24,6 +24,7 @@ const JUMP: f64 = 1e-4;
 #[derive(Debug)]
 pub struct Tracer {
     materials: Vec<TracedMaterial>,
+    /// In the order of the visibility.
     surfaces: Vec<Surface>,
     visibility: Visibility,
     emitters: Emitters,
@@ -37,25 +38,28 @@ struct Surface {
     /// Unit, towards the front.
     normal: DVec3,
     material: u32,
+    /// Density of drawn places on it, m^-2; 0 where it does not emit.
+    emitter_density: f64,
 }
 
 impl Tracer {
     pub fn new(geometry: &TracedGeometry) -> Self {
-        let surfaces = geometry
-            .triangles
-            .iter()
-            .zip(&geometry.material_of)
-            .map(|(t, material)| Surface {
-                vertex: t[0],
-                normal: doubled_area_vector(t).normalize(),
-                material: *material,
-            })
-            .collect();
+        let visibility = Visibility::new(&geometry.triangles);
+        let emitters = Emitters::new(geometry);
+        let surface = |index: &u32| {
+            let triangle = &geometry.triangles[*index as usize];
+            Surface {
+                vertex: triangle[0],
+                normal: doubled_area_vector(triangle).normalize(),
+                material: geometry.material_of[*index as usize],
+                emitter_density: emitters.pdf_area(*index),
+            }
+        };
         Self {
             materials: geometry.materials.clone(),
-            surfaces,
-            visibility: Visibility::new(&geometry.triangles),
-            emitters: Emitters::new(geometry),
+            surfaces: visibility.order().iter().map(surface).collect(),
+            visibility,
+            emitters,
             reflects: geometry.reflects(),
         }
     }
@@ -88,7 +92,7 @@ struct Vertex {
     normal: DVec3,
     /// Whether the ray came from the front.
     front: bool,
-    triangle: u32,
+    emitter_density: f64,
     material: TracedMaterial,
 }
 
@@ -317,8 +321,8 @@ impl<'a> Transport<'a> {
     fn meet(&self, start: DVec3, direction: DVec3, observer: &mut impl Observer) -> Option<Vertex> {
         observer.counters().closest_rays += 1;
         observer.ray(CastRay { origin: start, direction, within: None });
-        let Hit { triangle, distance } = self.tracer.visibility.closest(start, direction)?;
-        let surface = &self.tracer.surfaces[triangle as usize];
+        let Hit { leaf, distance } = self.tracer.visibility.closest(start, direction)?;
+        let surface = &self.tracer.surfaces[leaf as usize];
         let slope = surface.normal.dot(direction);
         let exact = (surface.vertex - start).dot(surface.normal) / slope;
         // a ray in the plane meets it anywhere: then the f32 answer stands
@@ -330,7 +334,7 @@ impl<'a> Transport<'a> {
             distance,
             normal: if front { surface.normal } else { -surface.normal },
             front,
-            triangle,
+            emitter_density: surface.emitter_density,
             material: self.tracer.materials[surface.material as usize],
         })
     }
@@ -338,12 +342,11 @@ impl<'a> Transport<'a> {
     /// Emission of a surface that a direction drawn with density `pdf` met, weighed against drawing places on emitters.
     #[inline]
     fn emitted(&self, vertex: &Vertex, direction: DVec3, pdf: f64) -> Rgb<f64> {
-        let pdf_area = self.tracer.emitters.pdf_area(vertex.triangle);
-        if !(vertex.front && pdf_area > 0.0) {
+        if !(vertex.front && vertex.emitter_density > 0.0) {
             return Rgb::zero();
         }
         let cosine = -vertex.normal.dot(direction);
-        let drawn = pdf_area * vertex.distance * vertex.distance / cosine;
+        let drawn = vertex.emitter_density * vertex.distance * vertex.distance / cosine;
         vertex.material.emission * power_heuristic(pdf, drawn)
     }
 

@@ -19,8 +19,8 @@ const BOX_PADDING: f32 = HALF_DIAGONAL as f32 * f32::EPSILON * 16.0;
 /// What a ray meets first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Index of the triangle as it was given.
-    pub triangle: u32,
+    /// Place of the triangle in [`Visibility::order`].
+    pub leaf: u32,
     /// Metres along the unit direction, to f32 accuracy.
     pub distance: f64,
 }
@@ -44,8 +44,6 @@ pub struct Visibility {
     bvh: CwBvh,
     /// In the order of the BVH's leaves.
     leaves: Vec<Leaf>,
-    /// The triangle of each leaf as it was given.
-    sources: Vec<u32>,
 }
 
 /// A triangle as rays meet it: the x of its three corners, their y, their z.
@@ -113,14 +111,19 @@ impl Visibility {
             true => CwBvh::default(),
             false => build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Default::default()),
         };
-        let sources = bvh.primitive_indices.clone();
-        let leaves = sources.iter().map(|source| Leaf::new(boxes[*source as usize].0)).collect();
-        Self { min, max, center, scale, half_diagonal, bvh, leaves, sources }
+        let leaves = bvh.primitive_indices.iter().map(|source| Leaf::new(boxes[*source as usize].0)).collect();
+        Self { min, max, center, scale, half_diagonal, bvh, leaves }
     }
 
     /// The corners of the geometry's bounding box; both the origin where there is none.
     pub fn bounds(&self) -> (DVec3, DVec3) {
         (self.min, self.max)
+    }
+
+    /// The triangles' indices as they were given, in the order in which rays meet neighbours one after the other: data of the
+    /// triangles that lie in this order are near in memory when they are near in space.
+    pub fn order(&self) -> &[u32] {
+        &self.bvh.primitive_indices
     }
 
     pub fn is_empty(&self) -> bool {
@@ -130,7 +133,8 @@ impl Visibility {
     /// Metres that a ray must start from a surface at `p` so that rounding does not make it meet that surface.
     #[inline]
     pub fn epsilon(&self, p: DVec3) -> f64 {
-        EPSILON * self.half_diagonal.max((p - self.center).length())
+        // the sum of the coordinates instead of the length: at most 1.8 times as far, and no root
+        EPSILON * self.half_diagonal.max((p - self.center).abs().element_sum())
     }
 
     /// Metres before a light within which nothing blocks it: 16 epsilons.
@@ -157,7 +161,7 @@ impl Visibility {
         let mut hit = RayHit::none();
         self.bvh
             .ray_traverse(ray, &mut hit, |ray, id| self.leaves[id].intersect(ray, &axes))
-            .then(|| Hit { triangle: self.sources[hit.primitive_id as usize], distance: f64::from(hit.t) / self.scale })
+            .then(|| Hit { leaf: hit.primitive_id, distance: f64::from(hit.t) / self.scale })
     }
 
     /// Whether anything stands between `from` and the place exactly `distance` metres along the unit `direction`.
@@ -236,7 +240,7 @@ mod tests {
             match (exact, got) {
                 (Some((t, i)), Some(hit)) => {
                     hits += 1;
-                    assert_eq!(hit.triangle as usize, i);
+                    assert_eq!(visibility.order()[hit.leaf as usize] as usize, i);
                     assert!((hit.distance - t).abs() < 1e-5, "{} for {t}", hit.distance);
                     assert!(
                         visibility.occluded(from, direction, t + 0.01)
