@@ -4,6 +4,8 @@
 //! prints it and exits with 3. Parsing goes in two stages: serde for shape and types, then checks of values on
 //! [`Spanned`] fields, so that the second stage points at its place too.
 
+pub mod schema;
+
 use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};

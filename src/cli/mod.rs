@@ -9,6 +9,7 @@ mod man;
 mod plan;
 mod query;
 mod run;
+mod schema;
 mod selection;
 
 pub use exit::{Exit, Failure};
@@ -50,6 +51,7 @@ verbs! {
     Run => run,
     Query => query,
     Doctor => doctor,
+    Schema => schema,
     Completions => completions,
     Man => man,
 }

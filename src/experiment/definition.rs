@@ -3,11 +3,12 @@
 use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
 use super::Axis;
 use super::axis::AxisValue;
 use super::file::Named;
-use crate::input::{Finite, InputError, Source, Spanned};
+use crate::input::{Finite, InputError, Source, Spanned, schema};
 use crate::probe::GradientSource;
 use crate::rig::InterpolationChoice;
 use crate::rig::interpolation::{Interpolation, InterpolationFile, resolve_interpolation};
@@ -107,6 +108,10 @@ pub struct LightModelFile {
 }
 
 impl LightModelFile {
+    pub fn schema() -> Value {
+        schema::table(LIGHT_MODELS.map(|(shape, words)| schema::optional(shape, schema::word(words.iter().copied()))))
+    }
+
     fn resolve(&self, source: &Source) -> Result<LightModel, InputError> {
         let given = [&self.sphere, &self.disk, &self.rect, &self.tube];
         let mut words = ["exact"; 4];
@@ -142,6 +147,11 @@ struct CapturedFile {
 }
 
 impl ProbeSourceFile {
+    pub fn schema() -> Value {
+        let spp = schema::described(schema::whole(1, 1_000_000), "paths a sample");
+        schema::one_key([("traced", schema::table([schema::optional("spp", spp)]))], [])
+    }
+
     fn resolve(&self, source: &Source, span: Range<usize>) -> Result<ProbeSource, InputError> {
         let spans = [
             ("traced", self.traced.as_ref().map(Spanned::span)),
@@ -172,6 +182,11 @@ struct CentralFile {
 }
 
 impl GradientSourceFile {
+    pub fn schema() -> Value {
+        let step = schema::described(schema::above(0.0), "metres");
+        schema::table([schema::required("central", schema::table([schema::required("step", step)]))])
+    }
+
     fn resolve(&self, source: &Source) -> Result<GradientSource, InputError> {
         Ok(GradientSource::Central { step: above_zero(source, &self.central.get_ref().step, "step")? })
     }
@@ -207,6 +222,21 @@ struct ShareFile {
 }
 
 impl WindowFile {
+    pub fn schema() -> Value {
+        let of = |name, value| schema::table([schema::required(name, value)]);
+        let width = || of("width", schema::described(schema::above(0.0), "bands"));
+        let share = json!({ "type": "number", "exclusiveMinimum": 0, "maximum": 1 });
+        schema::one_key(
+            [
+                ("hann", width()),
+                ("lanczos", width()),
+                ("laplacian", of("lambda", schema::at_least(0.0))),
+                ("auto", of("share", share)),
+            ],
+            [],
+        )
+    }
+
     fn resolve(&self, source: &Source, span: Range<usize>) -> Result<Window, InputError> {
         let spans = [
             ("hann", self.hann.as_ref().map(Spanned::span)),
@@ -247,6 +277,11 @@ pub struct TransitionFile {
 }
 
 impl TransitionFile {
+    pub fn schema() -> Value {
+        let meaning = "error that a light may add in the rig, RMS over the RMS of the total irradiance in the box";
+        schema::table([schema::required("threshold", schema::described(schema::above(0.0), meaning))])
+    }
+
     fn resolve(&self, source: &Source) -> Result<Transition, InputError> {
         Ok(Transition::Threshold { threshold: above_zero(source, &self.threshold, "threshold")? })
     }

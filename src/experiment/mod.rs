@@ -10,6 +10,7 @@ mod document;
 mod expand;
 mod file;
 mod identity;
+mod schema;
 mod select;
 
 pub use axis::{Axis, AxisValue};

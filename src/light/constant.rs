@@ -3,7 +3,7 @@ use serde::Deserialize;
 
 use super::file::not_negative;
 use super::{BoundingSphere, LightSample, LightShape, ShGradient, Term};
-use crate::input::{Finite3, InputError, Source, Spanned};
+use crate::input::{Finite3, InputError, Source, Spanned, schema};
 use crate::math::{Real, Rgb, Vector3};
 use crate::sh::{Lobe, ShRgb};
 
@@ -22,6 +22,10 @@ pub struct ConstantFile {
 }
 
 impl ConstantFile {
+    /// Its JSON schema.
+    pub fn schema() -> serde_json::Value {
+        schema::table([schema::required("radiance", schema::described(schema::colour(), "W sr^-1 m^-2"))])
+    }
     pub fn resolve(&self, source: &Source) -> Result<Constant<f64>, InputError> {
         Ok(Constant { radiance: not_negative(source, &self.radiance, "radiance")? })
     }

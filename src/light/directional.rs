@@ -3,7 +3,7 @@ use serde::Deserialize;
 
 use super::file::{direction, not_negative};
 use super::{BoundingSphere, LightSample, LightShape, ShGradient, Term};
-use crate::input::{Finite3, InputError, Source, Spanned};
+use crate::input::{Finite3, InputError, Source, Spanned, schema};
 use crate::math::{Real, Rgb, Vector3};
 use crate::sh::{Lobe, ShRgb, basis};
 
@@ -25,6 +25,13 @@ pub struct DirectionalFile {
 }
 
 impl DirectionalFile {
+    /// Its JSON schema.
+    pub fn schema() -> serde_json::Value {
+        schema::table([
+            schema::required("towards", schema::described(schema::vector(), "to the light; any length but 0")),
+            schema::required("irradiance", schema::described(schema::colour(), "on a surface that faces it, W m^-2")),
+        ])
+    }
     pub fn resolve(&self, source: &Source) -> Result<Directional<f64>, InputError> {
         Ok(Directional {
             towards: direction(source, &self.towards, "towards")?,

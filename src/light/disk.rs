@@ -7,7 +7,7 @@ use super::integral::{
     end_crowding, gauss, is_double, lobe_flux, lobe_integral_whole,
 };
 use super::{BoundingSphere, LightSample, Term, UniformEmitter, UnitGradient};
-use crate::input::{Finite, Finite3, InputError, Source, Spanned};
+use crate::input::{Finite, Finite3, InputError, Source, Spanned, schema};
 use crate::math::{Real, Rgb, Vector3};
 use crate::sh::{Lobe, basis};
 
@@ -38,6 +38,15 @@ pub struct DiskFile {
 }
 
 impl DiskFile {
+    /// Its JSON schema.
+    pub fn schema() -> serde_json::Value {
+        schema::table([
+            schema::required("center", schema::vector()),
+            schema::required("normal", schema::described(schema::vector(), "it emits on this side; any length but 0")),
+            schema::required("radius", schema::above(0.0)),
+            schema::required("radiance", schema::described(schema::colour(), "W sr^-1 m^-2")),
+        ])
+    }
     pub fn resolve(&self, source: &Source) -> Result<Disk<f64>, InputError> {
         Ok(Disk {
             center: Vector3::of(self.center.vector()),

@@ -206,6 +206,11 @@ macro_rules! light_shapes {
             /// The TOML keys of the shapes.
             pub const KINDS: &'static [&'static str] = &[$(stringify!($key)),+];
 
+            /// The shapes' keys, each with the JSON schema of its table.
+            pub fn schemas() -> Vec<(&'static str, serde_json::Value)> {
+                vec![$((stringify!($key), $file::schema())),+]
+            }
+
             /// This light in coordinates about `origin`, rounded to the scalar `T`.
             pub fn relative_to<T: Real>(&self, origin: DVec3) -> Light<T> {
                 match self {

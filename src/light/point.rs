@@ -3,7 +3,7 @@ use serde::Deserialize;
 
 use super::file::not_negative;
 use super::{BoundingSphere, LightSample, LightShape, ShGradient, Term};
-use crate::input::{Finite3, InputError, Source, Spanned};
+use crate::input::{Finite3, InputError, Source, Spanned, schema};
 use crate::math::{Real, Rgb, Vector3};
 use crate::sh::{Lobe, ShRgb, basis, basis_gradient};
 
@@ -25,6 +25,13 @@ pub struct PointFile {
 }
 
 impl PointFile {
+    /// Its JSON schema.
+    pub fn schema() -> serde_json::Value {
+        schema::table([
+            schema::required("position", schema::vector()),
+            schema::required("intensity", schema::described(schema::colour(), "W sr^-1")),
+        ])
+    }
     pub fn resolve(&self, source: &Source) -> Result<Point<f64>, InputError> {
         Ok(Point {
             position: Vector3::of(self.position.vector()),

@@ -8,7 +8,7 @@ use super::integral::{
     is_double, lobe_flux, lobe_integral_whole,
 };
 use super::{BoundingSphere, LightSample, Term, UniformEmitter, UnitGradient};
-use crate::input::{Finite3, InputError, Source, Spanned};
+use crate::input::{Finite3, InputError, Source, Spanned, schema};
 use crate::math::{Real, Rgb, Vector3};
 use crate::sh::{Lobe, basis, order_of};
 
@@ -40,6 +40,19 @@ pub struct PolygonFile {
 const FLATNESS: f64 = 1e-4;
 
 impl PolygonFile {
+    /// Its JSON schema.
+    pub fn schema() -> serde_json::Value {
+        schema::table([
+            schema::required(
+                "vertices",
+                schema::described(
+                    schema::list(schema::vector()),
+                    "convex, in one plane; it emits on the side from which they run counter-clockwise",
+                ),
+            ),
+            schema::required("radiance", schema::described(schema::colour(), "W sr^-1 m^-2")),
+        ])
+    }
     pub fn resolve(&self, source: &Source) -> Result<Polygon<f64>, InputError> {
         let radiance = not_negative(source, &self.radiance, "radiance")?;
         let vertices: Vec<DVec3> = self.vertices.get_ref().iter().map(|v| v.get_ref().vector()).collect();

@@ -4,7 +4,7 @@ use serde::Deserialize;
 use super::file::not_negative;
 use super::polygon::Facet;
 use super::{BoundingSphere, LightSample, Term, UniformEmitter, UnitGradient};
-use crate::input::{Finite3, InputError, Source, Spanned};
+use crate::input::{Finite3, InputError, Source, Spanned, schema};
 use crate::math::{Real, Rgb, Vector3};
 use crate::sh::Lobe;
 
@@ -30,6 +30,15 @@ pub struct RectFile {
 }
 
 impl RectFile {
+    /// Its JSON schema.
+    pub fn schema() -> serde_json::Value {
+        schema::table([
+            schema::required("center", schema::vector()),
+            schema::required("u", schema::described(schema::vector(), "half an edge")),
+            schema::required("v", schema::described(schema::vector(), "half an edge; it emits towards u x v")),
+            schema::required("radiance", schema::described(schema::colour(), "W sr^-1 m^-2")),
+        ])
+    }
     pub fn resolve(&self, source: &Source) -> Result<Rect<f64>, InputError> {
         let radiance = not_negative(source, &self.radiance, "radiance")?;
         let half_edge = |value: &Spanned<Finite3>, name: &str| {

@@ -4,7 +4,7 @@ use serde::Deserialize;
 use super::file::{not_negative, positive};
 use super::integral::{end_crowding, lobe_integral, lobe_integral_whole};
 use super::{BoundingSphere, LightSample, Term, UniformEmitter, UnitGradient};
-use crate::input::{Finite, Finite3, InputError, Source, Spanned};
+use crate::input::{Finite, Finite3, InputError, Source, Spanned, schema};
 use crate::math::{Real, Rgb, Vector3};
 use crate::sh::{Lobe, MAX_ORDER, basis, basis_gradient, degree_of, legendre_polynomials};
 
@@ -33,6 +33,14 @@ pub struct SphereFile {
 }
 
 impl SphereFile {
+    /// Its JSON schema.
+    pub fn schema() -> serde_json::Value {
+        schema::table([
+            schema::required("center", schema::vector()),
+            schema::required("radius", schema::above(0.0)),
+            schema::required("radiance", schema::described(schema::colour(), "W sr^-1 m^-2")),
+        ])
+    }
     pub fn resolve(&self, source: &Source) -> Result<Sphere<f64>, InputError> {
         Ok(Sphere {
             center: Vector3::of(self.center.vector()),

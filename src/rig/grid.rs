@@ -27,6 +27,12 @@ pub enum AxisNames {
 const TIE: f64 = 1e-9;
 
 impl AxisNames {
+    /// Its JSON schema.
+    pub fn schema() -> serde_json::Value {
+        use crate::input::schema::{default, word};
+        default(word(["xyz", "longest_first"]), "xyz")
+    }
+
     /// Which entry each of the box's axes takes.
     pub fn entries(self, half: [f64; 3]) -> [usize; 3] {
         if self == AxisNames::Xyz {

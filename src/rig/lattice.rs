@@ -56,6 +56,17 @@ pub fn sample_counts(
 impl RigTable for LatticeFile {
     type Rig = Lattice;
 
+    fn schema() -> serde_json::Value {
+        use crate::input::schema::{above, default, exactly, optional, required, table, whole, word};
+        let count = whole(1, MOST_SAMPLES as u64);
+        table([
+            required("samples", exactly(3, count)),
+            optional("interpolation", default(word(Interpolation::KEYS.iter().copied()), "trilinear")),
+            optional("power", default(above(0.0), 1.0)),
+            optional("axes", AxisNames::schema()),
+        ])
+    }
+
     fn resolve(&self, resolving: &Resolving) -> Result<Lattice, InputError> {
         let source = resolving.source;
         let samples = sample_counts(resolving, &self.samples, MOST_SAMPLES)?;

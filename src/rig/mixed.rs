@@ -162,6 +162,15 @@ impl AxisFile {
 impl RigTable for MixedFile {
     type Rig = Mixed;
 
+    fn schema() -> serde_json::Value {
+        use crate::input::schema::{either, one_key, required, table, whole, word};
+        let count = || whole(1, MOST_SAMPLES as u64);
+        let axis =
+            || either([word(["constant", "gradient"]), one_key([("lattice", count()), ("hermite", count())], [])]);
+        let three = |names: [&'static str; 3]| table(names.map(|name| required(name, axis())));
+        either([three(["x", "y", "z"]), three(["longest", "middle", "shortest"])])
+    }
+
     fn resolve(&self, resolving: &Resolving) -> Result<Mixed, InputError> {
         let by_name = [("x", &self.x), ("y", &self.y), ("z", &self.z)];
         let by_length = [("longest", &self.longest), ("middle", &self.middle), ("shortest", &self.shortest)];

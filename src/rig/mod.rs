@@ -135,6 +135,8 @@ impl Resolving<'_> {
 /// What stands under a rig's key in a file: shape and types checked, values not yet.
 pub trait RigTable {
     type Rig;
+    /// Its JSON schema.
+    fn schema() -> serde_json::Value;
     fn resolve(&self, resolving: &Resolving) -> Result<Self::Rig, InputError>;
 }
 
@@ -143,6 +145,9 @@ macro_rules! table_is_rig {
     ($($rig:ident),+) => {
         $(impl RigTable for $rig {
             type Rig = Self;
+            fn schema() -> serde_json::Value {
+                crate::input::schema::table([])
+            }
             fn resolve(&self, _resolving: &Resolving) -> Result<Self, InputError> {
                 Ok(self.clone())
             }
@@ -242,6 +247,11 @@ macro_rules! rigs {
         impl AnyRig {
             /// The keys that a rig's table may hold, one of them.
             pub const KEYS: &'static [&'static str] = &[$(stringify!($key)),+];
+
+            /// The keys, each with the JSON schema of its table.
+            pub fn schemas() -> Vec<(&'static str, serde_json::Value)> {
+                vec![$((stringify!($key), <$table as RigTable>::schema())),+]
+            }
 
             /// The key of this rig.
             pub fn key(&self) -> &'static str {

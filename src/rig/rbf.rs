@@ -148,6 +148,17 @@ impl<'de> Deserialize<'de> for CentersFile {
 impl RigTable for RbfFile {
     type Rig = Rbf;
 
+    fn schema() -> serde_json::Value {
+        use crate::input::schema::{above, between, default, either, exactly, optional, some, table, whole, word};
+        let points = some(exactly(3, between(0.0, 1.0)));
+        table([
+            optional("centers", default(either([word(["corners", "corners+centre"]), points]), "corners+centre")),
+            optional("samples", exactly(3, whole(1, MOST_CENTRES as u64))),
+            optional("kernel", default(word(["linear", "cubic", "thin_plate", "gaussian"]), "cubic")),
+            optional("shape", default(above(0.0), 1.0)),
+        ])
+    }
+
     fn resolve(&self, resolving: &Resolving) -> Result<Rbf, InputError> {
         let source = resolving.source;
         let centers = match (&self.centers, &self.samples) {

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use serde::Deserialize;
+use serde_json::json;
 
 use super::mesh::{MESH_EXTENSIONS, Mesh};
 use super::{Camera, Material, MotionPath, Receiver, Shape, StaticObject, Transform};
@@ -160,6 +161,12 @@ pub struct PathFile {
 }
 
 impl PathFile {
+    /// Its JSON schema.
+    pub fn schema() -> serde_json::Value {
+        use crate::input::schema::{default, flag, optional, required, some, table, vector};
+        table([required("points", some(vector())), optional("spline", default(flag(), false))])
+    }
+
     pub(super) fn resolve(&self, source: &Source) -> Result<MotionPath, InputError> {
         let points: Vec<DVec3> = self.points.get_ref().iter().map(|p| p.vector()).collect();
         if points.is_empty() {
@@ -254,6 +261,64 @@ impl Names {
 }
 
 impl Scene {
+    /// The JSON schema of a scene file.
+    pub fn schema() -> serde_json::Value {
+        use crate::input::schema::{above, between, colour, default, described, document, either, exactly, flag};
+        use crate::input::schema::{list, named, number, one_key, optional, required, table, text, vector, whole};
+        let camera = table([
+            required("eye", vector()),
+            required("target", vector()),
+            optional("up", default(vector(), vec![0.0, 1.0, 0.0])),
+            required(
+                "fov_y",
+                described(json!({ "type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 180 }), "degrees"),
+            ),
+        ]);
+        let material = table([
+            optional("albedo", exactly(3, between(0.0, 1.0))),
+            optional("wrap", default(described(between(0.0, 1.0), "a of the wrap lobe; 0 is Lambert"), 0.0)),
+            optional("emission", described(colour(), "radiance of the front side, W sr^-1 m^-2")),
+        ]);
+        let bounds = || table([required("min", vector()), required("max", vector())]);
+        let shape = one_key(
+            [
+                ("quad", table([required("center", vector()), required("u", vector()), required("v", vector())])),
+                ("box", bounds()),
+                ("sphere", table([required("center", vector()), required("radius", above(0.0))])),
+                (
+                    "cylinder",
+                    table([required("base", vector()), required("top", vector()), required("radius", above(0.0))]),
+                ),
+            ],
+            [],
+        );
+        let transform = table([
+            optional("scale", either([number(), vector()])),
+            optional("rotate", described(vector(), "about x, then y, then z, degrees")),
+            optional("translate", vector()),
+        ]);
+        let object = one_key(
+            [("mesh", described(text(), ".obj, .ply, .gltf or .glb, relative to this file")), ("shape", shape)],
+            [
+                required("name", text()),
+                optional("receiver", default(flag(), false)),
+                optional("material", text()),
+                optional("transform", transform),
+                optional("path", PathFile::schema()),
+            ],
+        );
+        let file = table([
+            required("schema_version", whole(1, 1)),
+            optional("title", text()),
+            optional("camera", camera),
+            optional("material", named(material)),
+            optional("object", list(object)),
+            optional("receiver", list(table([required("name", text()), required("bounds", bounds())]))),
+            optional("animation", table([required("frames", whole(1, MOST_FRAMES as u64))])),
+        ]);
+        document("rigbench scene", file)
+    }
+
     pub fn load(path: &Path) -> Result<Self, InputError> {
         Self::of_source(&Source::read(path)?)
     }

@@ -71,6 +71,21 @@ struct LayoutFile {
 }
 
 impl Layout {
+    /// The JSON schema of a layout file.
+    pub fn schema() -> serde_json::Value {
+        use crate::input::schema::{document, list, one_key, optional, required, table, text, whole};
+        let light = one_key(Light::schemas(), [optional("name", text()), optional("path", PathFile::schema())]);
+        let mut file = table([
+            required("schema_version", whole(1, 1)),
+            optional("title", text()),
+            optional("light", list(light)),
+            optional("random", RandomFile::schema()),
+        ]);
+        file["not"] =
+            serde_json::json!({ "required": ["light", "random"], "properties": { "light": { "minItems": 1 } } });
+        document("rigbench light layout", file)
+    }
+
     pub fn load(path: &Path) -> Result<Self, InputError> {
         Self::of_source(&Source::read(path)?)
     }

@@ -179,6 +179,29 @@ impl<'de> Deserialize<'de> for RangeFile {
 }
 
 impl RandomFile {
+    /// Its JSON schema.
+    pub(super) fn schema() -> serde_json::Value {
+        use crate::input::schema::{above, at_least, default, described, either, exactly, optional, required};
+        use crate::input::schema::{some, table, whole, whole_from, word};
+        let distance =
+            described(exactly(2, at_least(0.0)), "from the receiver's box, least and most, in its half diagonals");
+        let size =
+            described(exactly(2, above(0.0)), "radius or half edge, least and most, in the box's half diagonals");
+        let power = described(
+            either([above(0.0), exactly(2, above(0.0))]),
+            "W that a light sends out, or the least and the most",
+        );
+        table([
+            optional("seed", default(whole_from(0), 0)),
+            required("layouts", whole(1, MOST as u64)),
+            required("lights", whole(1, MOST as u64)),
+            required("kinds", some(word(RandomKind::ALL.iter().map(|(name, _)| *name)))),
+            required("distance", distance),
+            required("size", size),
+            required("power", power),
+        ])
+    }
+
     pub(super) fn resolve(&self, source: &Source) -> Result<RandomLayouts, InputError> {
         let count = |value: &Spanned<i64>, what: &str| match *value.get_ref() {
             number if (1..=MOST).contains(&number) => Ok(number as usize),

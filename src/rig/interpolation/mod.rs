@@ -173,6 +173,12 @@ pub struct InterpolationParameters {
     pub power: Option<Spanned<Finite>>,
 }
 
+/// The JSON schema of such a table.
+pub fn interpolation_schema() -> serde_json::Value {
+    use crate::input::schema::{above, one_key, optional, table};
+    one_key(Interpolation::KEYS.iter().map(|key| (*key, table([optional("power", above(0.0))]))), [])
+}
+
 /// From the table of a named interpolation at `span` to the choice that it stands for.
 pub fn resolve_interpolation(
     file: &InterpolationFile,
