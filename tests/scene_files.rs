@@ -68,11 +68,12 @@ fn the_camera_sees_what_stands_before_it() {
     let pixels = Pixels::cast(&scene, 0, 90, 60);
     let mut seen = 0;
     let camera = scene.camera.unwrap();
+    let raster = camera.raster(90, 60);
     for (index, hit) in pixels.hits.iter().enumerate() {
         let Some(hit) = hit else { continue };
         seen += 1;
-        let direction = camera.direction((index % 90) as f64 + 0.5, (index / 90) as f64 + 0.5, 90, 60);
-        let off_the_ray = (hit.point.position - camera.eye).cross(direction).length();
+        let direction = raster.direction((index % 90) as f64 + 0.5, (index / 90) as f64 + 0.5);
+        let off_the_ray = (hit.point.position - camera.eye).cross(direction.normalize()).length();
         assert!(off_the_ray < 1e-12, "{off_the_ray}");
         assert!((hit.point.position.length() - 1.0).abs() < 3e-3);
         assert!(hit.point.normal.dot(hit.point.position) > 0.99);

@@ -21,11 +21,30 @@ impl Camera {
         Some(Self { eye, right, up: right.cross(forward), forward, fov_y: fov_y_degrees.to_radians() })
     }
 
-    /// The unit direction through a place of the image: x from 0 (left) to `width`, y from 0 (top) to `height`, pixels.
-    pub fn direction(&self, x: f64, y: f64, width: usize, height: usize) -> DVec3 {
+    /// The picture's places of `width` x `height` pixels in the world.
+    pub fn raster(&self, width: usize, height: usize) -> Raster {
         let per_pixel = 2.0 * (0.5 * self.fov_y).tan() / height as f64;
-        let (across, above) = (per_pixel * (x - 0.5 * width as f64), per_pixel * (0.5 * height as f64 - y));
-        (self.forward + self.right * across + self.up * above).normalize()
+        let corner =
+            self.forward - self.right * (0.5 * width as f64 * per_pixel) + self.up * (0.5 * height as f64 * per_pixel);
+        Raster { corner, across: self.right * per_pixel, down: -self.up * per_pixel }
+    }
+}
+
+/// A picture plane one metre before the eye.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Raster {
+    /// From the eye to the top left corner.
+    corner: DVec3,
+    /// One pixel to the right, and one down.
+    across: DVec3,
+    down: DVec3,
+}
+
+impl Raster {
+    /// The direction (not unit: 1 m forwards) through a place: x pixels from the left, y from the top.
+    #[inline(always)]
+    pub fn direction(&self, x: f64, y: f64) -> DVec3 {
+        self.corner + self.across * x + self.down * y
     }
 }
 
@@ -36,10 +55,11 @@ mod tests {
     #[test]
     fn the_picture_stands_upright_and_spans_the_field_of_view() {
         let camera = Camera::looking_at(DVec3::new(0.0, 0.0, 5.0), DVec3::ZERO, DVec3::Y, 60.0).unwrap();
-        assert!((camera.direction(160.0, 90.0, 320, 180) - DVec3::NEG_Z).length() < 1e-15);
-        let top = camera.direction(160.0, 0.0, 320, 180);
+        let raster = camera.raster(320, 180);
+        assert!((raster.direction(160.0, 90.0) - DVec3::NEG_Z).length() < 1e-15);
+        let top = raster.direction(160.0, 0.0).normalize();
         assert!((top.y.asin().to_degrees() - 30.0).abs() < 1e-9, "{top}");
-        let right = camera.direction(320.0, 90.0, 320, 180);
+        let right = raster.direction(320.0, 90.0);
         assert!(right.x > 0.0 && (right.x / -right.z - 320.0 / 180.0 * 30f64.to_radians().tan()).abs() < 1e-12);
         assert!(Camera::looking_at(DVec3::ONE, DVec3::ONE, DVec3::Y, 60.0).is_none());
         assert!(Camera::looking_at(DVec3::Y, DVec3::ZERO, DVec3::Y, 60.0).is_none());

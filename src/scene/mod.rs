@@ -2,6 +2,7 @@
 
 mod area;
 mod bounds;
+mod bvh;
 mod camera;
 mod file;
 mod layout;
@@ -15,7 +16,8 @@ mod shape;
 mod transform;
 
 pub use bounds::OrientedBox;
-pub use camera::Camera;
+pub use bvh::wide_bvh;
+pub use camera::{Camera, Raster};
 pub use file::{PathFile, Scene, SceneFile};
 pub use layout::{Layout, LayoutInstance, NamedLight};
 pub use mesh::{MESH_EXTENSIONS, Mesh};

@@ -1,15 +1,15 @@
 //! What the camera sees: the points from which pictures come.
 
+use std::borrow::Cow;
+
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::{Ray, RayHit};
 use obvhs::rt_triangle::RtTriangle;
-use obvhs::{Boundable, BvhBuildParams};
 use rayon::prelude::*;
 
-use super::{Camera, Mesh, Scene, SurfacePoint};
+use super::{Camera, Mesh, Scene, SurfacePoint, wide_bvh};
 
 /// Half diagonal of the geometry in the coordinates of the f32 rays: obvhs takes boxes that end within 1e-4 units of
 /// a ray's origin for missed, which must be nothing beside the scene.
@@ -59,26 +59,26 @@ pub struct View {
     /// Units a metre.
     scale: f64,
     bvh: CwBvh,
-    /// In the order of the BVH's leaves.
+    /// In the order of the BVH's leaves: for its rays in f32, and to refine what they meet.
     leaves: Vec<RtTriangle>,
-    /// One a leaf: object, triangle.
-    sources: Vec<(u32, u32)>,
-    objects: Vec<VisibleObject>,
+    triangles: Vec<VisibleTriangle>,
+    surfaces: Vec<VisibleSurface>,
 }
 
-struct VisibleObject {
-    mesh: Mesh,
+/// World coordinates, metres.
+#[derive(Clone, Copy)]
+struct VisibleTriangle {
+    corner: DVec3,
+    /// From that corner to the second and the third.
+    edges: [DVec3; 2],
+    normals: [DVec3; 3],
+    surface: u32,
+}
+
+#[derive(Clone, Copy)]
+struct VisibleSurface {
     albedo: [f64; 3],
     receiver: Option<u16>,
-}
-
-/// A triangle's box, widened.
-struct PaddedBox(Aabb);
-
-impl Boundable for PaddedBox {
-    fn aabb(&self) -> Aabb {
-        self.0
-    }
 }
 
 /// Distance along the ray, infinite for a miss (Möller and Trumbore 1997, in the form of obvhs's own triangle, with
@@ -99,66 +99,66 @@ fn intersect(triangle: &RtTriangle, ray: &Ray) -> f32 {
 impl View {
     pub fn new(scene: &Scene, frame: usize) -> Self {
         let receivers = scene.receivers.iter().zip(0u16..).filter_map(|(receiver, index)| {
-            let mesh = receiver.world_mesh(frame)?;
-            Some(VisibleObject { mesh, albedo: receiver.material.albedo, receiver: Some(index) })
+            let surface = VisibleSurface { albedo: receiver.material.albedo, receiver: Some(index) };
+            Some((Cow::Owned(receiver.world_mesh(frame)?), surface))
         });
-        let statics = scene.statics.iter().map(|object| VisibleObject {
-            mesh: object.mesh.clone(),
-            albedo: object.material.albedo,
-            receiver: None,
+        let statics = scene.statics.iter().map(|object| {
+            let surface = VisibleSurface { albedo: object.material.albedo, receiver: None };
+            (Cow::Borrowed(&object.mesh), surface)
         });
-        let objects: Vec<VisibleObject> = receivers.chain(statics).collect();
+        let objects: Vec<(Cow<Mesh>, VisibleSurface)> = receivers.chain(statics).collect();
         let (min, max) = objects
             .iter()
-            .map(|object| object.mesh.bounds())
+            .map(|(mesh, _)| mesh.bounds())
             .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
             .unwrap_or((DVec3::ZERO, DVec3::ZERO));
         let center = 0.5 * (min + max);
         let half_diagonal = 0.5 * (max - min).length();
         let scale = if half_diagonal > 0.0 { (HALF_DIAGONAL / half_diagonal).log2().floor().exp2() } else { 1.0 };
 
-        let (mut triangles, mut sources) = (Vec::new(), Vec::new());
-        for (object, index) in objects.iter().zip(0..) {
-            for triangle in 0..object.mesh.triangles.len() {
-                triangles.push(object.mesh.corners(triangle).map(|p| ((p - center) * scale).as_vec3a()));
-                sources.push((index, triangle as u32));
+        let mut triangles = Vec::new();
+        for ((mesh, _), surface) in objects.iter().zip(0..) {
+            for (index, normals) in mesh.normals.iter().enumerate() {
+                let [a, b, c] = mesh.corners(index);
+                triangles.push(VisibleTriangle { corner: a, edges: [b - a, c - a], normals: *normals, surface });
             }
         }
-        let padded = |corners: &[Vec3A; 3]| {
-            let mut bounds = Aabb::from_points(corners);
+        let units = |p: DVec3| ((p - center) * scale).as_vec3a();
+        let corners = |t: &VisibleTriangle| [t.corner, t.corner + t.edges[0], t.corner + t.edges[1]].map(units);
+        let padded = |t: &VisibleTriangle| {
+            let mut bounds = Aabb::from_points(&corners(t));
             bounds.min -= Vec3A::splat(BOX_PADDING);
             bounds.max += Vec3A::splat(BOX_PADDING);
-            PaddedBox(bounds)
+            bounds
         };
-        let boxes: Vec<PaddedBox> = triangles.iter().map(padded).collect();
-        let bvh = match boxes.is_empty() {
-            true => CwBvh::default(),
-            false => build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Default::default()),
-        };
-        let in_order = |index: &u32| {
-            let [a, b, c] = triangles[*index as usize];
+        let boxes: Vec<Aabb> = triangles.iter().map(padded).collect();
+        let bvh = wide_bvh(&boxes);
+        let triangles: Vec<VisibleTriangle> = bvh.primitive_indices.iter().map(|i| triangles[*i as usize]).collect();
+        let for_rays = |t: &VisibleTriangle| {
+            let [a, b, c] = corners(t);
             RtTriangle::new(a, b, c)
         };
         Self {
             center,
             scale,
-            leaves: bvh.primitive_indices.iter().map(in_order).collect(),
-            sources: bvh.primitive_indices.iter().map(|index| sources[*index as usize]).collect(),
             bvh,
-            objects,
+            leaves: triangles.iter().map(for_rays).collect(),
+            triangles,
+            surfaces: objects.into_iter().map(|(_, surface)| surface).collect(),
         }
     }
 
     /// One ray through the middle of each pixel, in parallel over bands of rows.
     pub fn cast(&self, camera: &Camera, width: usize, height: usize) -> Pixels {
+        let raster = camera.raster(width, height);
         let mut hits = vec![None; width * height];
         hits.par_chunks_mut((width * TILE).max(1)).enumerate().for_each(|(band, pixels)| {
             let rows = pixels.len() / width;
             for left in (0..width).step_by(TILE) {
                 for row in 0..rows {
                     for column in left..(left + TILE).min(width) {
-                        let (x, y) = (column as f64 + 0.5, (band * TILE + row) as f64 + 0.5);
-                        pixels[row * width + column] = self.look(camera.eye, camera.direction(x, y, width, height));
+                        let direction = raster.direction(column as f64 + 0.5, (band * TILE + row) as f64 + 0.5);
+                        pixels[row * width + column] = self.look(camera.eye, direction);
                     }
                 }
             }
@@ -166,7 +166,7 @@ impl View {
         Pixels { width, height, hits }
     }
 
-    /// The first surface along a ray: found in f32, its place refined in f64.
+    /// The first surface along a ray (of any length): found in f32, its place refined in f64 (Möller and Trumbore 1997).
     #[inline]
     pub fn look(&self, eye: DVec3, direction: DVec3) -> Option<PixelHit> {
         let ray = Ray::new_inf(((eye - self.center) * self.scale).as_vec3a(), direction.as_vec3a());
@@ -174,19 +174,17 @@ impl View {
         if !self.bvh.ray_traverse(ray, &mut hit, |ray, leaf| intersect(&self.leaves[leaf], ray)) {
             return None;
         }
-        let (object, triangle) = self.sources[hit.primitive_id as usize];
-        let object = &self.objects[object as usize];
-        let [a, b, c] = object.mesh.corners(triangle as usize);
-        let (ab, ac, to) = (b - a, c - a, eye - a);
-        let face = ab.cross(ac);
+        let VisibleTriangle { corner, edges: [ab, ac], normals, surface } = &self.triangles[hit.primitive_id as usize];
+        let face = ab.cross(*ac);
         let facing = -face.dot(direction);
-        let turned = to.cross(direction);
-        let u = (ac.dot(turned) / facing).clamp(0.0, 1.0);
-        let v = (-ab.dot(turned) / facing).clamp(0.0, 1.0 - u);
-        let mut point = object.mesh.point(triangle as usize, u, v);
-        if facing < 0.0 {
-            point.normal = -point.normal;
-        }
-        Some(PixelHit { point, albedo: object.albedo, receiver: object.receiver })
+        let turned = (eye - *corner).cross(direction) / facing;
+        let u = ac.dot(turned).clamp(0.0, 1.0);
+        let v = (-ab.dot(turned)).clamp(0.0, 1.0 - u);
+        let normal = normals[0] * (1.0 - u - v) + normals[1] * u + normals[2] * v;
+        let side = if facing < 0.0 { -1.0 } else { 1.0 };
+        // opposite corner normals cancel: the face's own normal stands in
+        let normal = normal.try_normalize().unwrap_or_else(|| face.normalize()) * side;
+        let VisibleSurface { albedo, receiver } = self.surfaces[*surface as usize];
+        Some(PixelHit { point: SurfacePoint { position: *corner + *ab * u + *ac * v, normal }, albedo, receiver })
     }
 }
