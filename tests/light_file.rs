@@ -1,7 +1,7 @@
 //! Bad light tables are errors with their place; good ones become lights.
 
 use rigbench::input::{InputError, Source};
-use rigbench::light::{Light, LightFile};
+use rigbench::light::{Light, LightFile, LightShape};
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -21,6 +21,83 @@ fn problem(line: &str) -> InputError {
     load(&format!("[[light]]\nname = \"key\"\n{line}\n")).expect_err(line)
 }
 
+/// A folder with maps, good and bad, and lights that name them.
+struct Maps(tempfile::TempDir);
+
+impl Maps {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let save = |name: &str, width: u32, height: u32, value: f32| {
+            let image = image::Rgb32FImage::from_fn(width, height, |x, _| image::Rgb([value, 0.5 * value, x as f32]));
+            let mut bytes = std::io::Cursor::new(Vec::new());
+            image::DynamicImage::from(image).write_to(&mut bytes, image::ImageFormat::Hdr).unwrap();
+            std::fs::write(folder.path().join(name), bytes.into_inner()).unwrap();
+        };
+        save("good.hdr", 16, 8, 2.0);
+        save("square.hdr", 16, 16, 2.0);
+        let whole = std::fs::read(folder.path().join("good.hdr")).unwrap();
+        std::fs::write(folder.path().join("half.hdr"), &whole[..whole.len() / 2]).unwrap();
+        std::fs::write(folder.path().join("text.exr"), "no picture").unwrap();
+        std::fs::write(folder.path().join("map.png"), "no picture").unwrap();
+        let write = |name: &str, bad: f32| {
+            let pixel = move |x: usize, y: usize| (if (x, y) == (3, 1) { bad } else { 1.0 }, 0.5f32, 0.25f32);
+            exr::prelude::write_rgb_file(folder.path().join(name), 16, 8, pixel).unwrap();
+        };
+        write("good.exr", 1.0);
+        write("nan.exr", f32::NAN);
+        write("negative.exr", -1.0);
+        let whole = std::fs::read(folder.path().join("good.exr")).unwrap();
+        std::fs::write(folder.path().join("half.exr"), &whole[..whole.len() / 2]).unwrap();
+        Self(folder)
+    }
+    fn load(&self, table: &str) -> Result<Light<f64>, InputError> {
+        let text = format!("[[light]]\n{table}\n");
+        let source = Source { path: self.0.path().join("layout.toml"), text };
+        let layout: Layout = source.parse()?;
+        let table = &layout.light[0];
+        table.get_ref().resolve(&source, table.span())
+    }
+}
+
+#[test]
+fn environment_maps_load_with_scale_and_rotation() {
+    let maps = Maps::new();
+    let up = rigbench::math::Vector3::new(0.0, 1.0, 0.0);
+    for (name, green) in [("good.hdr", 1.0), ("good.exr", 0.5)] {
+        let light = maps.load(&format!("environment = {{ map = \"{name}\", scale = 3.0 }}")).unwrap();
+        assert!((light.radiance(up * 0.0, up).g - 3.0 * green).abs() < 1e-2, "{name}");
+    }
+    // blue grows with the column: u = atan2(x, -z)/2 pi + 1/2, and a turn by 90 degrees moves -z to -x
+    let at = |light: &Light<f64>, d: [f64; 3]| light.radiance(up * 0.0, rigbench::math::Vector3::from_array(d)).b;
+    let still = maps.load("environment = { map = \"good.hdr\" }").unwrap();
+    let turned = maps.load("environment = { map = \"good.hdr\", rotate_y = 90.0 }").unwrap();
+    let ahead = [0.01, 0.0, -1.0];
+    assert_eq!(at(&still, ahead), 8.0);
+    assert_eq!(at(&still, [1.0, 0.0, 0.01]), 12.0);
+    assert_eq!(at(&turned, [-1.0, 0.0, -0.01]), 8.0);
+}
+
+#[test]
+fn bad_maps_are_errors_at_their_name() {
+    let maps = Maps::new();
+    for (name, words) in [
+        ("none.hdr", "cannot be read"),
+        ("half.hdr", "not a whole Radiance"),
+        ("half.exr", "not a whole OpenEXR"),
+        ("text.exr", "not a whole OpenEXR"),
+        ("map.png", "allowed: `.exr`, `.hdr`"),
+        ("square.hdr", "16 x 16 texels; a lat-long map is twice as wide"),
+        ("nan.exr", "texel (3, 1) is [NaN"),
+        ("negative.exr", "texel (3, 1) is [-1"),
+    ] {
+        let error = maps.load(&format!("environment = {{ map = \"{name}\" }}")).expect_err(name);
+        assert_eq!(error.place, Some((2, 23)), "{error}");
+        assert!(error.message.contains(words), "{error}");
+    }
+    let error = maps.load("environment = { map = \"good.hdr\", scale = -1.0 }").unwrap_err();
+    assert!(error.message.contains("scale -1"), "{error}");
+}
+
 #[test]
 fn every_shape_loads() {
     let tables = [
@@ -28,13 +105,16 @@ fn every_shape_loads() {
         "disk = { center = [0, 2, 0], normal = [0, -2, 0], radius = 0.2, radiance = [12, 12, 12] }",
         "rect = { center = [0, 2, 0], u = [0.5, 0, 0], v = [0, 0, 0.5], radiance = [12, 12, 12] }",
         "polygon = { vertices = [[0, 2, 0], [1, 2, 0], [0, 2, 1]], radiance = [12, 12, 12] }",
+        "tube = { from = [0, 2, 0], to = [1, 2, 0], intensity = [12, 12, 12] }",
         "point = { position = [0, 2, 0], intensity = [1, 2, 3] }",
         "directional = { towards = [0, 2, 0], irradiance = [1, 2, 3] }",
         "constant = { radiance = [1, 2, 3] }",
+        "environment = { map = \"good.hdr\", scale = 2.0, rotate_y = 90.0 }",
     ];
+    let maps = Maps::new();
     let mut kinds = Vec::new();
     for table in tables {
-        let light = load(&format!("[[light]]\n{table}\n")).unwrap_or_else(|e| panic!("{e}"));
+        let light = maps.load(table).unwrap_or_else(|e| panic!("{e}"));
         assert!(table.starts_with(light.kind_name()));
         kinds.push(light.kind_name());
     }
@@ -90,6 +170,7 @@ fn mistakes_name_their_place() {
             24,
             "winds around itself",
         ),
+        ("tube = { from = [0, 2, 0], to = [0, 2, 0], intensity = [1, 1, 1] }", 33, "needs a length"),
         ("polygon = { vertices = [[0, 0, 0], [1, 0], [1, 1, 0]], radiance = [1, 1, 1] }", 24, "2 numbers where three"),
     ] {
         let error = problem(line);

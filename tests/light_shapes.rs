@@ -4,7 +4,7 @@
 //! which shares nothing with the contour integrals of the code.
 
 use glam::DVec3;
-use rigbench::light::{Disk, Light, LightShape, Polygon, Rect};
+use rigbench::light::{Disk, Light, LightShape, Polygon, Rect, Tube};
 use rigbench::math::{Rgb, Stream, StreamPurpose, Vector3, gauss_legendre};
 use rigbench::sh::{Lobe, basis};
 
@@ -377,4 +377,62 @@ fn disk_pins() {
     assert!((at([1.5, 0.0, 1.0], down, [0.0, 0.0, 1.0]) - 0.396768514394).abs() < 1e-12);
     assert!((at([1.5, 0.0, 1.0], down, [1.0, 0.0, 0.0]) - 0.431207842197).abs() < 1e-12);
     assert_eq!(at([1.5, 0.0, 1.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]), 0.0, "the back is dark");
+}
+
+#[test]
+fn tube_answers_are_sums_of_point_sources() {
+    // places beside the middle, near an end, in line with the tube, far; the sum crowds towards the foot of the perpendicular
+    let (from, to) = (V::new(-0.8, 0.5, 0.3), V::new(0.9, 0.6, 0.2));
+    let light = Light::Tube(Tube { from, to, intensity: white() });
+    let axis = (to - from).normalized().unwrap();
+    let (aside, _) = axis.frame();
+    let mut normals = stream(4);
+    for along in [-30.0, -1.0, -0.01, 0.0, 0.37, 0.999, 1.2] {
+        for distance in [1e-6, 1e-3, 0.1, 1.0, 50.0] {
+            let p = from + (to - from) * along + aside * distance;
+            let cut = f64::clamp(along, 0.0, 1.0);
+            // panels that grow threefold away from the nearest place
+            let length = (to - from).length();
+            let step = (from + (to - from) * cut - p).length() / length;
+            let mut edges = vec![0.0, 1.0, cut];
+            for k in 0..40 {
+                let reach = 0.3 * step * 3f64.powi(k);
+                edges.extend([cut - reach, cut + reach].into_iter().filter(|x| *x > 0.0 && *x < 1.0));
+            }
+            let sum = |f: &dyn Fn(V, f64) -> f64, extra: Option<f64>| {
+                let mut edges = edges.clone();
+                edges.extend(extra.filter(|x| *x > 0.0 && *x < 1.0));
+                edges.sort_by(f64::total_cmp);
+                let panel = |pair: &[f64]| {
+                    gauss_legendre(20).integrate(pair[0], pair[1], |s| {
+                        let r = (from - p) + (to - from) * s;
+                        let distance = r.length();
+                        f(r / distance, distance) * length / (distance * distance)
+                    })
+                };
+                edges.windows(2).map(panel).sum::<f64>()
+            };
+            let whole = sum(&|_, _| 1.0, None);
+            let got = light.projection_with_gradient::<36>(p);
+            assert_eq!(got.singular, 0);
+            for i in 0..36 {
+                let expected = sum(&|w, _| basis::<f64, 36>(w)[i], None);
+                assert!((got.value.value[i].r - expected).abs() < 1e-9 * whole, "{along} {distance} Y{i}");
+            }
+            for wrap in [0.0, 0.35, 1.0] {
+                let lobe = Lobe::new(wrap);
+                let n = V::of(normals.direction());
+                // for the clamped cosine the horizon cuts at a known place
+                let (a, b) = (n.dot(from - p), n.dot(to - p));
+                let split = (wrap == 0.0).then_some(a / (a - b));
+                let expected = sum(&|w, _| lobe.value(n.dot(w)), split);
+                let e = light.irradiance(p, n, &lobe).value.r;
+                let allowed = if wrap == 0.0 { 1e-10 } else { 1e-4 };
+                assert!(
+                    (e - expected).abs() < allowed * whole,
+                    "{along} {distance} wrap {wrap}: {e} {expected} {whole}"
+                );
+            }
+        }
+    }
 }

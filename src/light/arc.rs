@@ -1,6 +1,6 @@
 use std::sync::LazyLock;
 
-use super::integral::{gauss, is_double};
+use super::integral::{end_crowding, gauss, is_double};
 use crate::math::{Real, Vector3};
 
 /// A straight segment as a point sees it: an arc of a great circle, w(psi) = start cos(psi) + across sin(psi), 0 <= psi <= angle.
@@ -62,11 +62,64 @@ impl<T: Real> Arc<T> {
             let fraction = T::of(fraction);
             let (sine, cosine) = (self.angle * fraction).sin_cos();
             let w = self.start * cosine + self.across * sine;
-            // sin(psi)/sin(gamma), also where both vanish
-            let ratio = if self.angle > T::epsilon() { sine / self.angle } else { fraction } * self.angle_over_sine;
-            let inverse = (cosine - self.cosine * ratio) * self.inverse_start;
-            node(w, T::of(weight), inverse);
+            node(w, T::of(weight), self.inverse_of(fraction, sine, cosine));
         }
+    }
+
+    /// 1/r at a share of the angle, whose sine and cosine are given.
+    #[inline(always)]
+    fn inverse_of(&self, share: T, sine: T, cosine: T) -> T {
+        // sin(psi)/sin(gamma), also where both vanish
+        let ratio = if self.angle > T::epsilon() { sine / self.angle } else { share } * self.angle_over_sine;
+        (cosine - self.cosine * ratio) * self.inverse_start
+    }
+
+    /// 1/r at a share of the angle.
+    pub fn inverse_distance(&self, share: T) -> T {
+        let (sine, cosine) = (self.angle * share).sin_cos();
+        self.inverse_of(share, sine, cosine)
+    }
+
+    /// The largest 1/r on the segment.
+    pub fn nearest_inverse(&self) -> T {
+        // the foot of the perpendicular lies at psi = gamma - pi/2
+        let foot = (-self.cosine).max(-T::one()).min(T::one()).asin();
+        if foot > T::zero() && foot < self.angle {
+            return self.inverse_start * (self.angle_over_sine / self.angle);
+        }
+        self.inverse_start.max(self.inverse_distance(T::one()))
+    }
+
+    /// Mean over the arc's angle of a function of n.w that is smooth but where n.w = -foot: cosines along the arc are
+    /// size * cos(psi - phase), so that these places are known.
+    pub fn mean_over_cosine(&self, n: Vector3<T>, foot: T, f: impl Fn(T) -> T) -> T {
+        let (x, y) = (n.dot(self.start), n.dot(self.across));
+        if self.angle <= T::epsilon() {
+            return f(x);
+        }
+        let (size, phase) = ((x * x + y * y).sqrt(), y.atan2(x));
+        let mut cuts = [T::zero(), self.angle, self.angle, self.angle];
+        if foot < size {
+            let half = (-foot / size).acos();
+            for (k, root) in [phase - half, phase + half].into_iter().enumerate() {
+                let turned = root - (root / T::TAU()).floor() * T::TAU();
+                cuts[k + 1] = turned.min(self.angle);
+            }
+            if cuts[1] > cuts[2] {
+                cuts.swap(1, 2);
+            }
+        }
+        let mut sum = T::zero();
+        for pair in cuts.windows(2) {
+            let length = pair[1] - pair[0];
+            if length > T::zero() {
+                for node in end_crowding::<T>() {
+                    let psi = pair[0] + length * T::of(node.from_start);
+                    sum += T::of(node.weight) * length * f(n.dot(self.at(psi)));
+                }
+            }
+        }
+        sum / self.angle
     }
 }
 
@@ -90,7 +143,6 @@ fn nodes_for<T: Real>(reach: f64) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::super::integral::end_crowding;
     use super::*;
 
     #[test]

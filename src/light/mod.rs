@@ -9,6 +9,7 @@ mod arc;
 mod constant;
 mod directional;
 mod disk;
+mod environment;
 mod file;
 mod integral;
 mod point;
@@ -16,15 +17,18 @@ mod polygon;
 mod rect;
 mod shader;
 mod sphere;
+mod tube;
 
 pub use constant::{Constant, ConstantFile};
 pub use directional::{Directional, DirectionalFile};
 pub use disk::{Disk, DiskFile};
+pub use environment::{Environment, EnvironmentFile, EnvironmentMap};
 pub use point::{Point, PointFile};
 pub use polygon::{Polygon, PolygonFile};
 pub use rect::{Rect, RectFile};
 pub use shader::{LightRows, lights_wgsl, shader_kinds};
 pub use sphere::{Sphere, SphereFile};
+pub use tube::{Tube, TubeFile};
 
 use std::ops::Range;
 
@@ -183,7 +187,7 @@ macro_rules! uniform_emitters {
     )+};
 }
 
-uniform_emitters!(Sphere, Disk, Rect, Polygon);
+uniform_emitters!(Sphere, Disk, Rect, Polygon, Tube);
 
 /// The smallest sphere about a light that its shape knows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -333,12 +337,22 @@ light_shapes!(
     disk: Disk / DiskFile,
     rect: Rect / RectFile,
     polygon: Polygon / PolygonFile,
+    tube: Tube / TubeFile,
     point: Point / PointFile,
     directional: Directional / DirectionalFile,
     constant: Constant / ConstantFile,
+    environment: Environment / EnvironmentFile,
 );
 
 impl Light<f64> {
+    /// Hash of the file that the light reads beside its table, where there is one.
+    pub fn asset(&self) -> Option<&str> {
+        match self {
+            Light::Environment(environment) => Some(environment.map().content()),
+            _ => None,
+        }
+    }
+
     /// This light moved by `offset`.
     pub fn translated(&self, offset: DVec3) -> Self {
         self.transformed(&DAffine3::from_translation(offset))

@@ -4,8 +4,8 @@ use serde::Deserialize;
 use super::arc::Arc;
 use super::file::not_negative;
 use super::integral::{
-    add_area_node, add_area_node_with_gradient, add_contour_node, add_contour_node_with_gradient, end_crowding,
-    is_double, lobe_flux, lobe_integral_whole,
+    add_area_node, add_area_node_with_gradient, add_contour_node, add_contour_node_with_gradient, is_double, lobe_flux,
+    lobe_integral_whole,
 };
 use super::{BoundingSphere, LightSample, Term, UniformEmitter, UnitGradient};
 use crate::input::{Finite3, InputError, Source, Spanned, schema};
@@ -340,39 +340,13 @@ impl<T: Real> Facet<'_, T> {
         sum
     }
 
-    /// The contour integral of [`lobe_flux`]; along an arc n.w is a cosine, so the places where it meets the lobe's foot are known.
+    /// The contour integral of [`lobe_flux`].
     fn lobe(&self, p: Vector3<T>, n: Vector3<T>, lobe: &Lobe<T>) -> T {
         let mut sum = lobe_integral_whole(lobe) * T::of(0.5) * self.solid_angle(p);
         self.sides(p, |a, along| {
             let Some(arc) = Arc::new(a, along) else { return };
-            if arc.angle <= T::zero() {
-                return;
-            }
-            let (x, y) = (n.dot(arc.start), n.dot(arc.across));
-            let (size, phase) = ((x * x + y * y).sqrt(), y.atan2(x));
-            let mut cuts = [T::zero(), arc.angle, arc.angle, arc.angle];
-            if lobe.wrap() < size {
-                let half = (-lobe.wrap() / size).acos();
-                for (k, root) in [phase - half, phase + half].into_iter().enumerate() {
-                    let turned = root - (root / T::TAU()).floor() * T::TAU();
-                    cuts[k + 1] = turned.min(arc.angle);
-                }
-                if cuts[1] > cuts[2] {
-                    cuts.swap(1, 2);
-                }
-            }
-            let mut flux = T::zero();
-            for pair in cuts.windows(2) {
-                let length = pair[1] - pair[0];
-                if length <= T::zero() {
-                    continue;
-                }
-                for node in end_crowding::<T>() {
-                    let psi = pair[0] + length * T::of(node.from_start);
-                    flux += T::of(node.weight) * length * lobe_flux(lobe, n.dot(arc.at(psi)));
-                }
-            }
-            sum -= flux * n.dot(arc.cross) * (arc.angle_over_cross / arc.angle);
+            let flux = arc.mean_over_cosine(n, lobe.wrap(), |cosine| lobe_flux(lobe, cosine));
+            sum -= flux * n.dot(arc.cross) * arc.angle_over_cross;
         });
         sum
     }

@@ -106,7 +106,8 @@ impl Layout {
             Some(table) => Some(table.get_ref().resolve(source)?),
             None => None,
         };
-        Ok(Self { name: stem(&source.path), content: content_hash(&source.text, &[]), lights, random })
+        let assets: Vec<Vec<u8>> = lights.iter().filter_map(|l| Some(l.light.asset()?.as_bytes().to_vec())).collect();
+        Ok(Self { name: stem(&source.path), content: content_hash(&source.text, &assets), lights, random })
     }
 
     /// The lights in `frame` of a scene's `frames`; none where the layout is random.
