@@ -6,7 +6,7 @@ use glam::{DAffine3, DMat3, DVec3};
 use serde::Deserialize;
 
 use super::{BoundingSphere, LightSample, LightShape, ShGradient, Term};
-use crate::input::{Finite, InputError, Source, Spanned};
+use crate::input::{Finite, InputError, Source, Spanned, schema};
 use crate::math::{Real, Rgb, Vector3, gauss_legendre};
 use crate::sh::{Lobe, MAX_COEFFICIENTS, MAX_ORDER, Rotation, ShRgb, basis};
 
@@ -34,6 +34,20 @@ pub struct EnvironmentFile {
 }
 
 impl EnvironmentFile {
+    /// Its JSON schema.
+    pub fn schema() -> serde_json::Value {
+        schema::table([
+            schema::required("map", schema::described(schema::text(), "lat-long .exr or .hdr, relative to this file")),
+            schema::optional(
+                "scale",
+                schema::described(schema::at_least(0.0), "factor of the map's radiance; default 1"),
+            ),
+            schema::optional(
+                "rotate_y",
+                schema::described(schema::number(), "degrees, counter-clockwise seen from +y; default 0"),
+            ),
+        ])
+    }
     pub fn resolve(&self, source: &Source) -> Result<Environment<f64>, InputError> {
         let scale = self.scale.as_ref().map_or(1.0, |scale| scale.get_ref().0);
         if let Some(given) = self.scale.as_ref().filter(|_| scale < 0.0) {

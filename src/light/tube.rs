@@ -4,7 +4,7 @@ use serde::Deserialize;
 use super::arc::Arc;
 use super::file::not_negative;
 use super::{BoundingSphere, LightSample, Term, UniformEmitter, UnitGradient};
-use crate::input::{Finite3, InputError, Source, Spanned};
+use crate::input::{Finite3, InputError, Source, Spanned, schema};
 use crate::math::{Real, Rgb, Vector3};
 use crate::sh::{Lobe, basis, basis_gradient, order_of};
 
@@ -31,6 +31,14 @@ pub struct TubeFile {
 }
 
 impl TubeFile {
+    /// Its JSON schema.
+    pub fn schema() -> serde_json::Value {
+        schema::table([
+            schema::required("from", schema::vector()),
+            schema::required("to", schema::vector()),
+            schema::required("intensity", schema::described(schema::colour(), "W sr^-1 m^-1")),
+        ])
+    }
     pub fn resolve(&self, source: &Source) -> Result<Tube<f64>, InputError> {
         let (from, to) = (self.from.vector(), self.to.get_ref().vector());
         if from == to {
