@@ -1,8 +1,12 @@
 //! Laws that every rig of the catalogue holds, and for each law a wrong variant that it rejects.
 
 use glam::DVec3;
+use rigbench::light::{Light, Sphere, projection};
 use rigbench::math::{Real, Rgb, Stream, StreamPurpose, Vector3};
+use rigbench::probe::{GradientSource, sample_lights};
 use rigbench::rig::{AnyRig, Rig, RigModel, ShVectors, catalogue};
+use rigbench::scene::OrientedBox;
+use rigbench::sh::Window;
 
 /// A scalar field with its gradient, in box coordinates.
 type Field<'f> = &'f dyn Fn(DVec3) -> (f64, DVec3);
@@ -336,6 +340,52 @@ fn ties_of_nearest_go_to_the_lower_sample() {
             let beyond = q + 1e-4 * DVec3::from_array(half);
             rig.model::<f32>(half).taps(Vector3::of(beyond), &mut |vector, _| above.push(vector));
             assert_eq!(above, [expected + 1 + 4 + 12], "beyond the tie at {q}");
+        }
+    }
+}
+
+/// Relative RMS of the order-3 SH vectors under one sphere light beside the box, exact gradients, `cells` cells an axis.
+fn sphere_light_error(interpolation: &str, cells: usize) -> f64 {
+    let light = Light::Sphere(Sphere { center: Vector3::zero(), radius: 0.25, radiance: Rgb::splat(1.0) });
+    let bounds = OrientedBox::aligned(DVec3::new(0.6, -0.5, -0.5), DVec3::new(1.6, 0.5, 0.5));
+    let lights = [light.relative_to::<f64>(bounds.center)];
+    let n = cells + 1;
+    let rig =
+        AnyRig::inline(&format!("lattice = {{ samples = [{n}, {n}, {n}], interpolation = \"{interpolation}\" }}"));
+    let rig = rig.unwrap();
+    let requests = rig.placement(bounds.half);
+    let sampled = sample_lights(&lights, &bounds, &requests, 3, GradientSource::Analytic, Window::None);
+    let vectors = rig.fit(bounds.half, sampled.vectors).vectors;
+    let model = rig.model::<f64>(bounds.half);
+    let mut stream = Stream::indexed(6, StreamPurpose::Test, 0);
+    let (mut error, mut size) = (0.0, 0.0);
+    for _ in 0..3000 {
+        let q = DVec3::from_array(bounds.half.map(|h| stream.uniform_between(-h, h)));
+        let exact = projection::<f64, 9>(&lights, Vector3::of(q)).value;
+        let mut got = [0.0; 9];
+        model.taps(Vector3::of(q), &mut |vector, weight| {
+            (0..9).for_each(|i| got[i] += vectors.vector(vector)[3 * i] * weight);
+        });
+        error += (0..9).map(|i| (got[i] - exact[i].r).powi(2)).sum::<f64>();
+        size += exact.iter().map(|c| c.r * c.r).sum::<f64>();
+    }
+    (error / size).sqrt()
+}
+
+/// Figures for this light and box, at cells 2, 4, 8 and 16 an axis, of another program at other random places.
+#[test]
+fn errors_under_a_sphere_light_are_those_known() {
+    for (interpolation, known) in [
+        ("nearest", [0.482, 0.233, 0.113, 0.0577]),
+        ("trilinear", [0.163, 0.0385, 0.00915, 0.00223]),
+        ("gradient_corrected", [0.192, 0.0427, 0.00946, 0.00225]),
+        ("half_gradient", [0.0436, 0.00546, 0.000620, 0.0000768]),
+        ("tricubic", [0.0418, 0.00595, 0.000907, 0.000185]),
+    ] {
+        for (cells, known) in [2, 4, 8, 16].into_iter().zip(known) {
+            let measured = sphere_light_error(interpolation, cells);
+            println!("{interpolation} {cells}: {measured} for {known}");
+            assert!((measured / known - 1.0).abs() < 0.12, "{interpolation}, {cells} cells: {measured} for {known}");
         }
     }
 }
