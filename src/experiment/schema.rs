@@ -75,6 +75,7 @@ impl Experiment {
         let timing = table([
             optional("warmup", default(described(whole(0, 1000), "rounds that are thrown away"), 3)),
             optional("repeat", default(described(whole(1, 10_000), "rounds that are kept"), 15)),
+            optional("only", described(defined("axes"), "which runs are timed; absent: all")),
         ]);
         let reference = table([
             optional("points", default(whole(1, 1_000_000), 2048)),
