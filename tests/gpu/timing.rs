@@ -56,9 +56,10 @@ fn both_clocks_see_the_same_work() {
         prepared.warm_up().unwrap();
         let sample = prepared.sample().unwrap();
         if let Some(timestamp) = sample.timestamp_ns {
-            // a wrong timestamp period would be off by the period; the wall clock adds submission and waiting
+            // a wrong timestamp period would be off by the period; the wall clock adds submission and waiting, and each clock
+            // has its own empty run subtracted, which on a busy machine may differ by more than that
             let ratio = timestamp / sample.wall_ns;
-            assert!(ratio > 0.05 && ratio <= 1.0, "{sample:?}");
+            assert!(ratio > 0.05 && ratio < 2.0, "{sample:?}");
         } else {
             assert!(!gpu.adapter().features.timestamp_query, "a device with timestamps gave none for {sample:?}");
         }
