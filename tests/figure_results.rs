@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use rigbench::figure::figures_of;
-use rigbench::figure::summary::{pareto_column, summary};
+use rigbench::figure::summary::summary;
 use rigbench::figure::table::Table;
 use rigbench::math::{Stream, StreamPurpose};
 use rigbench::picture::{LayeredImage, Picture};
@@ -202,7 +202,6 @@ fn an_empty_table_gives_nothing_and_no_panic() {
         let table = Table::parse(text).unwrap();
         assert!(figures_of(&table, folder.path()).unwrap().is_empty());
         assert!(!summary(&table).contains('★'));
-        assert!(pareto_column(&table).iter().all(String::is_empty));
     }
 }
 
@@ -222,15 +221,4 @@ fn the_table_at_the_end() {
         let widths: Vec<usize> = part.lines().filter(|l| l.starts_with('|')).map(|l| l.chars().count()).collect();
         assert!(widths.len() > 3 && widths.windows(2).all(|w| w[0] == w[1]), "{part}");
     }
-}
-
-#[test]
-fn the_pareto_column() {
-    let table = Table::parse(
-        "run,scene,lights,receiver,frame,rig,backend,adapter,status,nrmse,frame_us_vertices\n\
-         a,car,lamps,,0,x,cpu,,ok,0.1,10\na,car,lamps,left,0,x,cpu,,ok,0.0,1\nb,car,lamps,,0,y,cpu,,ok,0.2,20\n\
-         c,car,lamps,,0,z,cpu,,ok,0.0,30\nd,car,lamps,,0,y,gpu,soft,ok,0.2,20\ne,car,lamps,,0,w,cpu,,ok,0.05,\nf,car,lamps,,0,v,cpu,,failed,,\n",
-    )
-    .unwrap();
-    assert_eq!(pareto_column(&table), ["true", "", "false", "true", "true", "", ""]);
 }

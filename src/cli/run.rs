@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::{Exit, Failure, print};
-use crate::experiment::{Backend, Candidate, Experiment, Filter, Key, Override};
+use crate::experiment::{Backend, Candidate, Experiment, Filter, Override};
 use crate::figure::figures_of;
 use crate::figure::summary::summary;
 use crate::figure::table::Table;
@@ -91,7 +91,8 @@ impl Run {
         );
         let table = Table::read(&store.root().join("results.csv")).map_err(Failure::internal)?;
         if !self.no_figures && !swept.interrupted {
-            draw(&table, &store)?;
+            let drawn = figures_of(&table, store.root()).map_err(Failure::internal)?;
+            eprintln!("{} figures in {}", drawn.len(), store.root().join("figures").display());
         }
         print(summary(&table))?;
         say_claims(&experiment, &swept, &store)?;
@@ -104,20 +105,6 @@ impl Run {
         }
         Ok(exit)
     }
-}
-
-/// Draws every figure, unless they were drawn of these very results.
-fn draw(table: &Table, store: &Store) -> Result<(), Failure> {
-    let results = std::fs::read(store.root().join("results.csv")).map_err(Failure::internal)?;
-    let drawn_of = Key::of_bytes(&results).hex();
-    let note = store.root().join("figures").join(".drawn-of");
-    if std::fs::read_to_string(&note).is_ok_and(|before| before == drawn_of) {
-        return Ok(());
-    }
-    let drawn = figures_of(table, store.root()).map_err(Failure::internal)?;
-    write_atomic(&note, drawn_of.as_bytes())?;
-    eprintln!("{} figures in {}", drawn.len(), store.root().join("figures").display());
-    Ok(())
 }
 
 /// Writes claims.csv and says each verdict.

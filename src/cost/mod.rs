@@ -1,6 +1,7 @@
 //! What a candidate costs: robust statistics of repeated timings, and the machine that they belong to.
 
 mod machine;
+pub mod pareto;
 
 pub use machine::{processor_name, software_versions};
 

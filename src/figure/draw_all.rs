@@ -12,9 +12,13 @@ use super::fronts::{COSTS, Fronts, Point};
 use super::heat_map::{ColumnGroup, HeatMap};
 use super::scale::{Format, Scale};
 use super::split::{Split, SplitPanel, SplitRow};
-use super::statistics::{CASE, mean_interval, ranks, wilson};
-use super::table::{Group, Row, Table, family, groups, is_software, name, varying_axes};
+use super::statistics::{mean_interval, ranks, wilson};
+use super::svg::VERSION;
+use super::table::{
+    Group, Matrix, Row, Table, by_what_they_keep, family, groups, is_software, name, named_first, varying_axes,
+};
 use crate::cost::Samples;
+use crate::output::write_whole;
 use crate::picture::LayeredImage;
 
 /// A quality that figures are drawn of: its column and what to call it.
@@ -24,8 +28,44 @@ const QUALITIES: [(&str, &str, &str); 2] = [
 ];
 
 /// Draws every figure that the data allow: DIR/figures/NAME.svg, .png and .csv, from the table (results.csv) and DIR/images.
-/// Gives the names, in order.
+/// Gives the names, in order. Where figures of the same data are there, nothing is drawn.
 pub fn figures_of(table: &Table, folder: &Path) -> io::Result<Vec<String>> {
+    let target = folder.join("figures");
+    let source = fingerprint(table, folder)?;
+    if let Some(names) = drawn_before(&target, &source) {
+        return Ok(names);
+    }
+    let names = draw(table, folder, &target)?;
+    let record = std::iter::once(&source).chain(&names).map(|line| format!("{line}\n")).collect::<String>();
+    write_whole(&target.join(DRAWN), record.as_bytes())?;
+    Ok(names)
+}
+
+/// The file that says what the figures beside it were drawn from: a fingerprint, then the names of the figures.
+const DRAWN: &str = ".drawn";
+
+/// What figures depend on: this code's version, the table, and which images there are (they are named by their content's key).
+fn fingerprint(table: &Table, folder: &Path) -> io::Result<String> {
+    let mut images: Vec<String> = match std::fs::read_dir(folder.join("images")) {
+        Ok(entries) => {
+            entries.map(|e| e.map(|e| e.file_name().to_string_lossy().into_owned())).collect::<io::Result<_>>()?
+        }
+        Err(_) => Vec::new(),
+    };
+    images.sort_unstable();
+    let whole = format!("{VERSION}\n{}\n{}", images.join("\n"), table.to_csv());
+    Ok(blake3::hash(whole.as_bytes()).to_hex().to_string())
+}
+
+fn drawn_before(target: &Path, source: &str) -> Option<Vec<String>> {
+    let record = std::fs::read_to_string(target.join(DRAWN)).ok()?;
+    let mut lines = record.lines();
+    let names: Vec<String> = (lines.next()? == source).then(|| lines.map(str::to_owned).collect())?;
+    let there = |name: &String| ["svg", "png", "csv"].iter().all(|e| target.join(format!("{name}.{e}")).exists());
+    names.iter().all(there).then_some(names)
+}
+
+fn draw(table: &Table, folder: &Path, target: &Path) -> io::Result<Vec<String>> {
     let pooled = table.pooled();
     let mut jobs = Jobs(Vec::new());
     let rows: Vec<Row> = pooled.rows().collect();
@@ -86,12 +126,11 @@ pub fn figures_of(table: &Table, folder: &Path) -> io::Result<Vec<String>> {
         }
     }
 
-    let target = folder.join("figures");
     let drawn: Vec<Option<String>> = jobs
         .0
         .into_par_iter()
         .map(|(name, job)| match job() {
-            Some(figure) => figure.write(&target, &name).map(|()| Some(name)),
+            Some(figure) => figure.write(target, &name).map(|()| Some(name)),
             None => Ok(None),
         })
         .collect::<io::Result<_>>()?;
@@ -140,7 +179,10 @@ pub(super) fn machine(backend: &str, adapter: &str) -> String {
     match (backend, adapter) {
         (_, "") => backend.to_owned(),
         ("cpu", _) => format!("cpu: {adapter}"),
-        _ if is_software(adapter) => format!("{backend}: {adapter}, a software adapter: no GPU timings"),
+        _ if is_software(adapter) => {
+            let adapter = adapter.trim_end_matches("(software)").trim_end();
+            format!("{backend}: {adapter}, a software adapter: no GPU timings")
+        }
         _ => format!("{backend}: {adapter}"),
     }
 }
@@ -178,8 +220,7 @@ fn split(group: &Group) -> Option<Figure> {
         .into_iter()
         .map(|lights| SplitPanel {
             title: lights.key[0].to_owned(),
-            rows: lights
-                .rows
+            rows: sorted(&lights.rows)
                 .iter()
                 .map(|r| SplitRow {
                     name: name(r, &varying),
@@ -204,39 +245,11 @@ fn split(group: &Group) -> Option<Figure> {
     })
 }
 
-/// The candidates of a group by name, each with its row in every case; cases in the order of their first row.
-struct Matrix<'a> {
-    names: Vec<String>,
-    cases: Vec<(&'a str, &'a str)>,
-    /// `rows[candidate][case]`
-    rows: Vec<Vec<Option<Row<'a>>>>,
-}
-
-impl<'a> Matrix<'a> {
-    fn new(rows: &[Row<'a>]) -> Self {
-        let varying = varying_axes(rows);
-        let mut matrix = Self { names: Vec::new(), cases: Vec::new(), rows: Vec::new() };
-        for case in groups(rows.iter().copied(), &CASE) {
-            matrix.cases.push((case.key[0], case.key[1]));
-            let place = matrix.cases.len() - 1;
-            for row in case.rows {
-                let name = name(&row, &varying);
-                let candidate = matrix.names.iter().position(|n| *n == name).unwrap_or_else(|| {
-                    matrix.names.push(name);
-                    matrix.rows.push(Vec::new());
-                    matrix.names.len() - 1
-                });
-                matrix.rows[candidate].resize(place + 1, None);
-                matrix.rows[candidate][place] = Some(row);
-            }
-        }
-        matrix.rows.iter_mut().for_each(|r| r.resize(matrix.cases.len(), None));
-        matrix
-    }
-
-    fn values(&self, column: &str) -> Vec<Vec<Option<f64>>> {
-        self.rows.iter().map(|r| r.iter().map(|row| row.and_then(|row| row.number(column))).collect()).collect()
-    }
+/// Candidates in the order in which figures list them.
+fn sorted<'a>(rows: &[Row<'a>]) -> Vec<Row<'a>> {
+    let mut rows = rows.to_vec();
+    rows.sort_by(by_what_they_keep);
+    rows
 }
 
 /// Every candidate in every case; a family of random layouts is one column, its median.
@@ -296,19 +309,18 @@ fn overview(group: &Group, column: &str, label: &str) -> Option<Figure> {
     )
 }
 
-/// Ranks pooled over the cases in which every candidate has a value.
+/// Ranks pooled over all cases, of the candidates that have a value in as many of them as any.
 fn rank_figure(group: &Group) -> Option<Figure> {
-    let matrix = Matrix::new(&group.rows);
+    let matrix = Matrix::new(&named_first(&group.rows));
     let mut panels = Vec::new();
     let mut cases = 0;
     for (column, title) in [
         ("nrmse", "nRMSE"),
         ("interpolation_nrmse", "interpolation alone"),
-        ("frame_us_vertices", "frame time, vertices"),
+        ("frame_us_1m", "frame time, a million points"),
     ] {
         let values = matrix.values(column);
-        // a candidate without this quality (direct keeps no SH) is left out, a case that lacks another is too
-        let kept: Vec<usize> = (0..values.len()).filter(|r| values[*r].iter().any(Option::is_some)).collect();
+        let kept = most_complete(&values);
         let ranked = ranks(&kept.iter().map(|r| values[*r].clone()).collect::<Vec<_>>());
         let complete = ranked.first().map_or(0, Vec::len);
         if kept.len() < 2 || complete < 2 {
@@ -320,7 +332,7 @@ fn rank_figure(group: &Group) -> Option<Figure> {
             let (value, interval) = mean_interval(&ranks);
             dots[*r] = Some(Dot { value, interval, each: ranks });
         }
-        let high = matrix.names.len() as f64 + 0.5;
+        let high = kept.len() as f64 + 0.5;
         panels.push(DotPanel {
             title: title.into(),
             label: "mean rank, 1 is best".into(),
@@ -332,8 +344,9 @@ fn rank_figure(group: &Group) -> Option<Figure> {
         });
     }
     let first = panels.first()?;
-    // best first, those without a value last
-    let mut order: Vec<usize> = (0..matrix.names.len()).collect();
+    // best first, those without a value in any panel left out
+    let mut order: Vec<usize> =
+        (0..matrix.names.len()).filter(|i| panels.iter().any(|p| p.dots[*i].is_some())).collect();
     let key = |i: usize| first.dots[i].as_ref().map_or(f64::MAX, |d| d.value);
     order.sort_by(|a, b| key(*a).total_cmp(&key(*b)));
     for panel in &mut panels {
@@ -351,6 +364,13 @@ fn rank_figure(group: &Group) -> Option<Figure> {
         }
         .figure(),
     )
+}
+
+/// The candidates with a value in as many cases as any.
+pub(super) fn most_complete(values: &[Vec<Option<f64>>]) -> Vec<usize> {
+    let known = |r: usize| values[r].iter().flatten().count();
+    let most = (0..values.len()).map(known).max().unwrap_or(0);
+    (0..values.len()).filter(|r| most > 0 && known(*r) == most).collect()
 }
 
 fn against_order(group: &Group) -> Option<Figure> {
@@ -513,29 +533,29 @@ fn win_figure(group: &Group) -> Option<Figure> {
 /// Most candidates of a contact sheet.
 const SHOWN: usize = 8;
 
-/// The reference and candidates of a case from the images that were kept; of many candidates those of the commonest order, and of
-/// these an even choice from the least SH vectors to the most.
+/// The reference and candidates of a case from the images that were kept. Of several orders the commonest is shown; of too many
+/// candidates the first of each number of SH vectors, and of these an even choice.
 fn contact_sheet(group: &Group, folder: &Path) -> Option<Figure> {
-    let varying = varying_axes(&group.rows);
     let path = |r: &Row| folder.join("images").join(format!("{}.exr", r.text("run")));
     let mut rows: Vec<Row> =
         group.rows.iter().copied().filter(|r| !r.text("run").is_empty() && path(r).exists()).collect();
-    if rows.len() > SHOWN {
-        let orders = groups(rows.iter().copied().filter(|r| !r.text("order").is_empty()), &["order"]);
-        let commonest = orders.iter().rev().max_by_key(|g| g.rows.len()).map(|g| g.key[0])?;
+    let orders = groups(rows.iter().copied().filter(|r| !r.text("order").is_empty()), &["order"]);
+    if let Some(commonest) = orders.iter().rev().max_by_key(|g| g.rows.len()).map(|g| g.key[0]) {
         rows.retain(|r| matches!(r.text("order"), "") || r.text("order") == commonest);
     }
-    rows.sort_by(|a, b| {
-        a.number("sh_vectors").unwrap_or(f64::MAX).total_cmp(&b.number("sh_vectors").unwrap_or(f64::MAX))
-    });
+    rows.sort_by(by_what_they_keep);
     // those that were timed are those that were asked about
     if rows.len() > SHOWN && rows.iter().any(|r| r.number("frame_us_1m").is_some()) {
         rows.retain(|r| r.number("frame_us_1m").is_some());
     }
     if rows.len() > SHOWN {
+        rows.dedup_by_key(|r| r.text("sh_vectors").to_owned());
+    }
+    if rows.len() > SHOWN {
         let last = rows.len() - 1;
         rows = (0..SHOWN).map(|i| rows[(i * last + (SHOWN - 1) / 2) / (SHOWN - 1)]).collect();
     }
+    let varying = varying_axes(&rows);
     let images: Vec<(Row, LayeredImage)> =
         rows.iter().filter_map(|r| Some((*r, LayeredImage::read(&path(r)).ok()?))).collect();
     let (_, first) = images.first()?;

@@ -4,10 +4,10 @@ use super::Figure;
 use super::drawing::{Anchor, CAP, Drawing, Rect, Stroke};
 use super::label::{self, Label, Obstacles};
 use super::panel::{Axis, Panel};
-use super::pareto::{Halving, front, halving};
 use super::scale::{Format, Scale, next_to_nothing};
 use super::style::{ACCENT, GREY, INK, LABEL, MUTED, TICK, WHITE};
 use super::table::Table;
+use crate::cost::pareto::{Halving, front, halving};
 
 /// A cost that fronts are drawn against.
 pub struct Cost {
@@ -163,7 +163,7 @@ impl Fronts {
         order.sort_by_key(|i| on_front[*i]);
         for i in order {
             let Some(at) = place(&self.points[i]) else { continue };
-            marker(drawing, at, self.points[i].order, on_front[i]);
+            marker(drawing, at, self.shape(i), on_front[i]);
             obstacles.markers.push((at, 5.0));
             labels.push(Label {
                 point: at,
@@ -174,9 +174,16 @@ impl Fronts {
                 patience: if on_front[i] { label::ANY } else { label::LITTLE },
             });
         }
-        let placed = label::place(&labels, &obstacles, &Rect::new(a.x + 2.0, a.y, a.width, a.height - 2.0));
+        let placed =
+            label::place(&labels, &obstacles, &Rect::new(a.x + 2.0, a.y, cell.right() - a.x - 4.0, a.height - 2.0));
         label::draw(drawing, &labels, &placed);
         labels.len() - placed.len()
+    }
+
+    /// The order that a marker's shape says; 0 for none where others have one.
+    fn shape(&self, point: usize) -> Option<u32> {
+        let any = self.points.iter().any(|p| p.order.is_some());
+        self.points[point].order.or(any.then_some(0))
     }
 
     fn legend(&self, drawing: &mut Drawing, cell: Rect, prices: &[(usize, Option<Halving>, usize)], unnamed: bool) {
@@ -205,6 +212,9 @@ impl Fronts {
             for order in orders {
                 let text = format!("name /{order}: order {order}, {} coefficients", order * order);
                 entry(drawing, &|d, p| marker(d, p, Some(order), true), &text);
+            }
+            if self.points.iter().any(|p| p.order.is_none()) {
+                entry(drawing, &|d, p| marker(d, p, Some(0), true), "keeps no spherical harmonics");
             }
         }
         let floor = next_to_nothing(self.points.iter().filter_map(|p| p.error));

@@ -108,7 +108,11 @@ impl HeatMap {
             let colour = self.map.at(self.scale.position(value));
             drawing.rect(cell, Some(colour), None);
             let ink = if colour.is_light() { INK } else { WHITE };
-            let text = self.format.write(two_digits(value)).replace(" %", "");
+            // what stands in the scale's strip for zero has no digits that a reader needs
+            let text = match value != 0.0 && value < self.scale.ends().0 {
+                true => "≈ 0".to_owned(),
+                false => self.format.write(two_digits(value)).replace(" %", ""),
+            };
             drawing.text(baseline, text, TICK, ink, Anchor::Middle);
             if is_marked(r) && value == smallest {
                 drawing.rect(cell.grown(-1.0), None, Some(Stroke::new(INK, 2.0)));

@@ -48,7 +48,7 @@ const BLOCKED: f64 = 1e6;
 /// The patience of a label that stands wherever it can without lying on something.
 pub const ANY: f64 = BLOCKED;
 /// The patience of a label that is left out rather than far away or on a line.
-pub const LITTLE: f64 = 26.0;
+pub const LITTLE: f64 = 33.0;
 
 /// Places labels within `bounds`; a label that finds no free place is left out.
 pub fn place(labels: &[Label], obstacles: &Obstacles, bounds: &Rect) -> Vec<Placed> {

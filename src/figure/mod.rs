@@ -11,7 +11,6 @@ pub mod fronts;
 pub mod heat_map;
 pub mod label;
 pub mod panel;
-pub mod pareto;
 mod raster;
 pub mod scale;
 pub mod split;

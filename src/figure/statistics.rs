@@ -1,8 +1,5 @@
 //! The little statistics that figures and tables need: ranks, intervals of means and of shares.
 
-/// The columns that make a case: what candidates are compared in.
-pub const CASE: [&str; 2] = ["scene", "lights"];
-
 /// Quantile of the normal distribution for intervals of 95 %.
 const Z: f64 = 1.959_963_984_540_054;
 

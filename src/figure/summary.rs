@@ -1,41 +1,17 @@
 //! The table at the end of a run, as Markdown that also reads well in a terminal: what each candidate costs and what it buys, the
 //! best quality per cost marked, and what each halving of the error costs.
 
-use super::draw_all::machine;
-use super::pareto::{Halving, front, halving};
+use super::draw_all::{machine, most_complete};
 use super::scale::{Format, next_to_nothing};
-use super::statistics::{CASE, ranks};
-use super::table::{Row, Table, family, groups, name, varying_axes};
+use super::statistics::ranks;
+use super::table::{Matrix, Row, Table, groups, name, named_first, varying_axes};
 use crate::cost::Samples;
+use crate::cost::pareto::{Halving, front, halving};
 
-/// The cost that candidates are ranked by: frame time for the receivers' own vertices; where nothing was timed, SH vectors.
-const FRAME: &str = "frame_us_vertices";
+/// The cost that candidates are ranked by, as in the column `pareto`: frame time at a million points; where nothing was timed, SH
+/// vectors.
+const FRAME: &str = "frame_us_1m";
 const VECTORS: &str = "sh_vectors";
-
-/// For every row of a table whether it is on the front of nrmse against frame time (the receivers' vertices) of its scene, lights,
-/// backend, adapter and frame: `true` or `false`, empty for rows without the two and for the rows of single receivers.
-pub fn pareto_column(table: &Table) -> Vec<String> {
-    let mut column = vec![String::new(); table.rows.len()];
-    let rows: Vec<(usize, Row)> = table.rows().enumerate().collect();
-    let mut seen = std::collections::HashSet::new();
-    let mut cases: std::collections::BTreeMap<Vec<&str>, Vec<usize>> = Default::default();
-    for (i, row) in &rows {
-        let first = row.text("run").is_empty() || seen.insert((row.text("run"), row.text("frame")));
-        if first && matches!(row.text("status"), "" | "ok") {
-            let key = ["scene", "lights", "backend", "adapter", "frame"].map(|c| row.text(c));
-            cases.entry(key.to_vec()).or_default().push(*i);
-        }
-    }
-    for members in cases.values() {
-        let points: Vec<_> = members.iter().map(|i| (rows[*i].1.number(FRAME), rows[*i].1.number("nrmse"))).collect();
-        for ((i, point), on) in members.iter().zip(&points).zip(front(&points)) {
-            if point.0.is_some() && point.1.is_some() {
-                column[*i] = on.to_string();
-            }
-        }
-    }
-    column
-}
 
 /// One backend and adapter of the summary.
 struct Part {
@@ -50,8 +26,7 @@ pub fn summary(table: &Table) -> String {
     let pooled = table.pooled();
     let mut out = String::new();
     // a family of random layouts would outweigh the named ones: rates over it are figures and claims of their own
-    let named: Vec<Row> = pooled.rows().filter(|r| family(r.text("lights")).is_none()).collect();
-    let rows = if named.is_empty() { pooled.rows().collect() } else { named };
+    let rows = named_first(&pooled.rows().collect::<Vec<_>>());
     for group in groups(rows.into_iter(), &["backend", "adapter"]) {
         let compared = comparable(&group.rows);
         let mut part = part(&machine(group.key[0], group.key[1]), &compared);
@@ -89,116 +64,89 @@ fn comparable<'t>(rows: &[Row<'t>]) -> Vec<Row<'t>> {
 }
 
 fn part(heading: &str, rows: &[Row]) -> Part {
-    let varying = varying_axes(rows);
-    let cases = groups(rows.iter().copied(), &CASE);
-    let mut names: Vec<String> = Vec::new();
-    for row in rows {
-        let name = name(row, &varying);
-        if !names.contains(&name) {
-            names.push(name);
-        }
-    }
-    let of = |candidate: &str, column: &str| -> Vec<Option<f64>> {
-        let row = |rows: &[Row]| rows.iter().find(|r| name(r, &varying) == candidate).and_then(|r| r.number(column));
-        cases.iter().map(|c| row(&c.rows)).collect()
-    };
-    let median =
-        |candidate: &str, column: &str| Samples(of(candidate, column).into_iter().flatten().collect()).median();
+    let matrix = Matrix::new(rows);
+    let (candidates, cases) = (0..matrix.names.len(), matrix.cases.len());
+    let of = |column: &str| matrix.values(column);
+    let (nrmse, vectors) = (of("nrmse"), of(VECTORS));
+    let timed = of(FRAME).iter().flatten().any(Option::is_some);
+    let (cost, cost_name) = if timed { (of(FRAME), "frame time") } else { (of(VECTORS), "SH vectors") };
 
     // quality per cost: the least product of error and cost, ranked within each case. Direct evaluation is no rig and is not
     // ranked: where it is right up to rounding, any price would make it first
-    let timed = rows.iter().any(|r| r.number(FRAME).is_some());
-    let (cost, cost_name) = if timed { (FRAME, "frame time") } else { (VECTORS, "SH vectors") };
-    let product = |candidate: &str| -> Vec<Option<f64>> {
-        of(candidate, "nrmse").into_iter().zip(of(candidate, cost)).map(|(e, c)| Some(e? * c?)).collect()
-    };
-    let is_rig = |candidate: &str| of(candidate, VECTORS).iter().any(Option::is_some);
-    let products: Vec<(usize, Vec<Option<f64>>)> = names
-        .iter()
-        .enumerate()
-        .filter(|(_, n)| is_rig(n))
-        .map(|(i, n)| (i, product(n)))
-        .filter(|(_, p)| p.iter().any(Option::is_some))
-        .collect();
-    let ranked = ranks(&products.iter().map(|p| p.1.clone()).collect::<Vec<_>>());
-    let mean = |r: &Vec<f64>| (!r.is_empty()).then(|| r.iter().sum::<f64>() / r.len() as f64);
-    let mean_ranks: Vec<(usize, f64)> =
-        products.iter().zip(&ranked).filter_map(|(p, r)| Some((p.0, mean(r)?))).collect();
-    let best = mean_ranks.iter().map(|r| r.1).reduce(f64::min);
-    let complete = ranked.first().map_or(0, Vec::len);
+    let is_rig = |r: usize| vectors[r].iter().any(Option::is_some);
+    let product = |r: usize| (0..cases).map(|c| Some(nrmse[r][c]? * cost[r][c]?)).collect::<Vec<Option<f64>>>();
+    let products: Vec<_> = candidates.clone().map(|r| if is_rig(r) { product(r) } else { vec![None; cases] }).collect();
+    let ranked = most_complete(&products);
+    let ranks = ranks(&ranked.iter().map(|r| products[*r].clone()).collect::<Vec<_>>());
+    let mean = |r: &Vec<f64>| r.iter().sum::<f64>() / r.len() as f64;
+    let complete = ranks.first().map_or(0, Vec::len);
+    let best = ranks.iter().filter(|r| !r.is_empty()).map(mean).reduce(f64::min);
+    let is_best = |r: usize| ranked.iter().zip(&ranks).any(|(i, ranks)| *i == r && best == Some(mean(ranks)));
 
-    let fronts: Vec<(Vec<&Row>, Vec<bool>)> = cases
-        .iter()
-        .map(|c| {
-            let points: Vec<_> = c.rows.iter().map(|r| (r.number(cost), r.number("nrmse"))).collect();
-            (c.rows.iter().collect(), front(&points))
-        })
-        .collect();
-    let times_on_front = |candidate: &str| -> usize {
-        let on = |(rows, on): &(Vec<&Row>, Vec<bool>)| {
-            rows.iter().zip(on).any(|(r, on)| *on && name(r, &varying) == candidate)
-        };
-        fronts.iter().filter(|f| on(f)).count()
-    };
+    let fronts: Vec<Vec<bool>> =
+        (0..cases).map(|c| front(&candidates.clone().map(|r| (cost[r][c], nrmse[r][c])).collect::<Vec<_>>())).collect();
 
     let write = |value: Option<f64>, format: Format| value.map_or(String::new(), |v| format.write(v));
-    let time = |value: Option<f64>, seconds: f64| write(value.map(|v| v * seconds), Format::Unit("s"));
-    let many = cases.len() > 1;
-    let mut header: Vec<String> =
-        ["", "rig", "SH vectors", "size", "setup", "evaluation / point", "frame, vertices", "nRMSE"]
-            .map(String::from)
-            .to_vec();
+    let many = cases > 1;
+    let mut header: Vec<String> = ["", "rig"].map(String::from).to_vec();
+    header.extend(COLUMNS.iter().map(|(_, title, ..)| (*title).to_owned()));
     if many {
         header.push("worst".into());
     }
-    header.extend(["interpolation", "on the front"].map(String::from));
-    let lines = names
-        .iter()
-        .enumerate()
-        .map(|(i, n)| {
-            let marked = mean_ranks.iter().any(|(r, rank)| *r == i && Some(*rank) == best);
-            let mut line = vec![
-                if marked { "★".to_owned() } else { String::new() },
-                n.clone(),
-                write(median(n, VECTORS), Format::Plain),
-                write(median(n, "model_bytes"), Format::Unit("B")),
-                time(median(n, "setup_us"), 1e-6),
-                time(median(n, "eval_ns_per_point"), 1e-9),
-                time(median(n, FRAME), 1e-6),
-                write(median(n, "nrmse"), Format::Percent),
-            ];
-            if many {
-                line.push(write(of(n, "nrmse").into_iter().flatten().reduce(f64::max), Format::Percent));
+    header.push("on the front".into());
+    let columns: Vec<_> = COLUMNS.iter().map(|(column, _, format, factor)| (of(column), *format, *factor)).collect();
+    let lines = candidates
+        .clone()
+        .map(|r| {
+            let mut line = vec![if is_best(r) { "★".to_owned() } else { String::new() }, matrix.names[r].clone()];
+            for (values, format, factor) in &columns {
+                let known: Vec<f64> = values[r].iter().flatten().map(|v| v * factor).collect();
+                line.push(write(Samples(known).median(), *format));
             }
-            line.push(write(median(n, "interpolation_nrmse"), Format::Percent));
-            line.push(format!("{} of {}", times_on_front(n), cases.len()));
+            if many {
+                line.push(write(nrmse[r].iter().flatten().copied().reduce(f64::max), Format::Percent));
+            }
+            let known = (0..cases).filter(|c| nrmse[r][*c].is_some() && cost[r][*c].is_some()).count();
+            let on = (0..cases).filter(|c| fronts[*c][r]).count();
+            line.push(if known > 0 { format!("{on} of {known}") } else { String::new() });
             line
         })
         .collect();
 
     let mut notes = Vec::new();
-    let medians = if many { format!("Medians over {} cases (scene × lights). ", cases.len()) } else { String::new() };
-    if best.is_some() {
-        notes.push(format!(
-            "{medians}★ best quality per cost among the rigs: the lowest {}nRMSE × {cost_name}{}.",
-            if complete > 1 { "mean rank by " } else { "" },
-            if complete > 1 { format!(" over {complete} cases") } else { String::new() }
-        ));
+    let mut note = String::new();
+    if many {
+        note += &format!("Medians and the worst over {cases} cases (scene × lights). ");
     }
-    let floor = next_to_nothing(rows.iter().filter_map(|r| r.number("nrmse")));
-    let members: Vec<Vec<(f64, f64)>> = fronts
-        .iter()
-        .map(|(rows, on)| {
-            rows.iter()
-                .zip(on)
-                .filter(|(_, on)| **on)
-                .filter_map(|(r, _)| Some((r.number(cost)?, r.number("nrmse")?)))
-                .collect()
+    if best.is_some() {
+        let over = if complete > 1 { format!(", by mean rank over {complete} cases") } else { String::new() };
+        note += &format!("★ best quality per cost among the rigs: the least nRMSE × {cost_name}{over}.");
+    }
+    if !note.is_empty() {
+        notes.push(note.trim_end().to_owned());
+    }
+    let floor = next_to_nothing(nrmse.iter().flatten().flatten().copied());
+    let members: Vec<Vec<(f64, f64)>> = (0..cases)
+        .map(|c| {
+            let on_front = candidates.clone().filter(|r| fronts[c][*r]);
+            on_front.filter_map(|r| Some((cost[r][c]?, nrmse[r][c]?))).collect()
         })
         .collect();
     notes.push(halving_sentence(&members, floor, cost_name));
     Part { heading: heading.to_owned(), header, lines, notes }
 }
+
+/// Columns of the summary: of the results, title, how it is written, factor to the unit that is written.
+const COLUMNS: [(&str, &str, Format, f64); 8] = [
+    (VECTORS, "SH vectors", Format::Plain, 1.0),
+    ("model_bytes", "size", Format::Unit("B"), 1.0),
+    ("setup_us", "setup", Format::Unit("s"), 1e-6),
+    ("eval_ns_per_point", "evaluation / point", Format::Unit("s"), 1e-9),
+    ("frame_us_vertices", "frame, vertices", Format::Unit("s"), 1e-6),
+    (FRAME, "frame, 1 M points", Format::Unit("s"), 1e-6),
+    ("interpolation_nrmse", "interpolation", Format::Percent, 1.0),
+    ("nrmse", "nRMSE", Format::Percent, 1.0),
+];
 
 /// The sentence a reader wants, from the fronts of all cases.
 fn halving_sentence(fronts: &[Vec<(f64, f64)>], floor: f64, cost: &str) -> String {

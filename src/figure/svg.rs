@@ -3,8 +3,8 @@ use std::fmt::Write as _;
 use super::drawing::{Anchor, Drawing, Item, Stroke};
 use super::raster::encode_png;
 
-/// Raised when the same drawing would be rasterised to other pixels: a PNG is made again when this, or the drawing, changes.
-const VERSION: u32 = 1;
+/// Raised when the same data would be drawn, or the same drawing rasterised, in another way: figures are then made again.
+pub(super) const VERSION: u32 = 1;
 
 /// SVG 1.1 text of a drawing; the same bytes for the same drawing.
 pub fn svg(drawing: &Drawing) -> String {

@@ -185,6 +185,66 @@ pub fn family(lights: &str) -> Option<&str> {
     lights.split_once('#').map(|(family, _)| family)
 }
 
+/// The columns that make a case: what candidates are compared in.
+pub const CASE: [&str; 2] = ["scene", "lights"];
+
+/// Rows of named light layouts; all rows where every layout is of a random family.
+pub fn named_first<'a>(rows: &[Row<'a>]) -> Vec<Row<'a>> {
+    let named: Vec<Row> = rows.iter().copied().filter(|r| family(r.text("lights")).is_none()).collect();
+    if named.is_empty() { rows.to_vec() } else { named }
+}
+
+/// Candidates by name, each with its row in every case; cases in the order of their first row, candidates by what they keep: those
+/// without SH, then from the fewest SH vectors to the most, lower orders first.
+pub struct Matrix<'a> {
+    pub names: Vec<String>,
+    pub cases: Vec<(&'a str, &'a str)>,
+    /// `rows[candidate][case]`
+    pub rows: Vec<Vec<Option<Row<'a>>>>,
+}
+
+impl<'a> Matrix<'a> {
+    pub fn new(rows: &[Row<'a>]) -> Self {
+        let varying = varying_axes(rows);
+        let mut cases: Vec<(&str, &str)> = Vec::new();
+        let mut found: Vec<(String, Vec<Option<Row>>)> = Vec::new();
+        let mut places: HashMap<String, usize> = HashMap::new();
+        for case in groups(rows.iter().copied(), &CASE) {
+            cases.push((case.key[0], case.key[1]));
+            for row in case.rows {
+                let name = name(&row, &varying);
+                let place = *places.entry(name.clone()).or_insert_with(|| {
+                    found.push((name, Vec::new()));
+                    found.len() - 1
+                });
+                // the first row of a name in a case counts
+                if found[place].1.len() < cases.len() {
+                    found[place].1.resize(cases.len() - 1, None);
+                    found[place].1.push(Some(row));
+                }
+            }
+        }
+        found.sort_by(|a, b| {
+            let first = |rows: &[Option<Row<'a>>]| *rows.iter().flatten().next().expect("found in a case");
+            by_what_they_keep(&first(&a.1), &first(&b.1))
+        });
+        let (names, mut rows): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+        rows.iter_mut().for_each(|r| r.resize(cases.len(), None));
+        Self { names, cases, rows }
+    }
+
+    pub fn values(&self, column: &str) -> Vec<Vec<Option<f64>>> {
+        self.rows.iter().map(|r| r.iter().map(|row| row.and_then(|row| row.number(column))).collect()).collect()
+    }
+}
+
+/// The order in which candidates are listed; a stable sort keeps the experiment's order beyond it.
+pub fn by_what_they_keep(a: &Row, b: &Row) -> std::cmp::Ordering {
+    let key = |r: &Row| [r.number("sh_vectors").unwrap_or(-1.0), r.number("order").unwrap_or(-1.0)];
+    let (a, b) = (key(a), key(b));
+    a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]))
+}
+
 /// Whether an adapter is a processor in disguise, whose times are no GPU timings.
 pub fn is_software(adapter: &str) -> bool {
     let adapter = adapter.to_lowercase();
@@ -215,6 +275,9 @@ mod tests {
         assert_eq!(varying, ["order"]);
         assert_eq!(rows.iter().map(|r| name(r, &varying)).collect::<Vec<_>>(), ["mixed /3", "constant /3", "mixed /5"]);
         assert_eq!(groups(rows, &["rig"]).iter().map(|g| g.rows.len()).collect::<Vec<_>>(), [2, 1]);
+        let matrix = Matrix::new(&pooled.rows().collect::<Vec<_>>());
+        assert_eq!(matrix.names, ["constant /3", "mixed /3", "mixed /5"]);
+        assert_eq!(matrix.cases, [("", "lamps")]);
         assert_eq!((family("far#07"), family("lamps")), (Some("far"), None));
     }
 

@@ -11,6 +11,7 @@ use super::progress::Progress;
 use super::timing::{Times, time_block};
 use super::{ArrayCache, Claim, Record, Store, StoreError, interrupt};
 use crate::candidate::{Arithmetic, GpuBench, Probes, Recipe};
+use crate::cost::pareto::front;
 use crate::cost::processor_name;
 use crate::experiment::{
     ALGORITHMS, Axis, Backend, Candidate, Experiment, Identity, Keep, Key, Precision, ProbeSource, Storage,
@@ -535,15 +536,14 @@ fn fronts(runs: &mut [Run]) {
                 .iter()
                 .filter_map(|i| {
                     let cost = runs[*i].times.as_ref()?.frame_us(1e6)?;
-                    // `direct` keeps no SH: it adds nothing to its order's error
-                    let error = runs[*i].findings()?.pooled.values.get(metric).copied();
-                    let error = error.or((metric == "interpolation_nrmse").then_some(0.0))?;
+                    // `direct` keeps no SH and has no such error: it stands on the front of nrmse alone
+                    let error = runs[*i].findings()?.pooled.values.get(metric).copied()?;
                     Some((*i, cost, error))
                 })
                 .collect();
-            for (index, cost, error) in &points {
-                let dominated = points.iter().any(|(_, c, e)| c <= cost && e <= error && (c < cost || e < error));
-                if !dominated {
+            let on_front = front(&points.iter().map(|(_, c, e)| (Some(*c), Some(*e))).collect::<Vec<_>>());
+            for ((index, ..), on) in points.iter().zip(on_front) {
+                if on {
                     runs[*index].fronts.push(metric);
                 }
             }

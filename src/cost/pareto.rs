@@ -1,3 +1,5 @@
+//! Quality against cost: which candidates no other beats, and what better quality costs.
+
 /// Which points no other point beats: none is at most as costly and at most as wrong, and better in one of the two.
 ///
 /// A point without a cost or without an error (`None`, or not a number) is on no front and beats nothing. An error, or a cost, of
@@ -36,7 +38,7 @@ impl Halving {
 }
 
 /// The price of a halving of the error over the points of a front, (cost, error), those below `floor` left out
-/// ([`super::scale::next_to_nothing`]); none where fewer than two points have a positive cost and a positive error, or all errors are
+/// (rounding alone would tilt the line); none where fewer than two points have a positive cost and a positive error, or all errors are
 /// equal: a ratio to zero says nothing.
 pub fn halving(front: &[(f64, f64)], floor: f64) -> Option<Halving> {
     let counts = |(cost, error): &&(f64, f64)| *cost > 0.0 && *error > 0.0 && *error >= floor;
