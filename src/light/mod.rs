@@ -6,6 +6,7 @@
 //! Adding a shape is one file here and one line in [`light_shapes!`] below (and its WGSL twin beside it, if the GPU evaluates it directly).
 
 mod arc;
+mod batch;
 mod constant;
 mod directional;
 mod disk;
@@ -19,6 +20,7 @@ mod shader;
 mod sphere;
 mod tube;
 
+pub use batch::SphereBatch;
 pub use constant::{Constant, ConstantFile};
 pub use directional::{Directional, DirectionalFile};
 pub use disk::{Disk, DiskFile};
