@@ -1,9 +1,10 @@
 use glam::{DVec3, Vec3A};
+use obvhs::Boundable;
 use obvhs::aabb::Aabb;
 use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::{Ray, RayHit};
-use obvhs::{Boundable, BvhBuildParams};
+
+use crate::scene::wide_bvh;
 
 /// Half diagonal of the geometry in the coordinates of the f32 rays. obvhs takes a box that ends within 1e-4 units of the
 /// origin for missed, so that the unit must be small beside the scene: see `EPSILON`, 40 times as much in these units.
@@ -107,10 +108,7 @@ impl Visibility {
         let scale = if half_diagonal > 0.0 { (HALF_DIAGONAL / half_diagonal).log2().floor().exp2() } else { 1.0 };
         let boxes: Vec<PaddedBox> =
             triangles.iter().map(|t| PaddedBox(t.map(|v| ((v - center) * scale).as_vec3a()))).collect();
-        let bvh = match boxes.is_empty() {
-            true => CwBvh::default(),
-            false => build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Default::default()),
-        };
+        let bvh = wide_bvh(&boxes);
         let leaves = bvh.primitive_indices.iter().map(|source| Leaf::new(boxes[*source as usize].0)).collect();
         Self { min, max, center, scale, half_diagonal, bvh, leaves }
     }
