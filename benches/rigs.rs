@@ -6,8 +6,12 @@ use std::time::{Duration, Instant};
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput};
 use glam::DVec3;
-use rigbench::math::{Rgb, Stream, StreamPurpose};
+use rigbench::light::{Light, Sphere};
+use rigbench::math::{Rgb, Stream, StreamPurpose, Vector3};
+use rigbench::probe::{GradientSource, sample_lights};
 use rigbench::rig::{AnyRig, LocalPoints, Model, Rig, RigModel, ShVectors, catalogue, plain_irradiance};
+use rigbench::scene::OrientedBox;
+use rigbench::sh::Window;
 
 const HALF: [f64; 3] = [2.0, 0.7, 0.9];
 /// The area points of a receiver.
@@ -125,6 +129,7 @@ fn ratios() {
 fn evaluation(c: &mut Criterion) {
     let mut group = c.benchmark_group("order 3 irradiance, 4096 points");
     group.throughput(Throughput::Elements(POINTS as u64));
+    group.sample_size(20).warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1));
     let points = points(POINTS);
     let mut out = vec![Rgb::zero(); POINTS];
     for entry in catalogue() {
@@ -136,23 +141,40 @@ fn evaluation(c: &mut Criterion) {
     }
 }
 
-/// From samples to kept vectors: nothing for a lattice, a system for RBFs (with the factorisation, and without where the box stays).
-fn fit(c: &mut Criterion) {
-    let mut group = c.benchmark_group("order 3 fit");
+/// What a frame costs before any point is lit: four sphere lights projected at every sample, then the fit. For RBFs also the fit
+/// alone, and what is left of it where the box stays and its factorisation is kept.
+fn setup(c: &mut Criterion) {
+    let mut group = c.benchmark_group("order 3 setup, 4 sphere lights");
+    group.sample_size(20).warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1));
+    let mut stream = Stream::indexed(33, StreamPurpose::Test, 0);
+    let lights: Vec<Light<f32>> = (0..4)
+        .map(|_| {
+            let center = Vector3::of(stream.direction() * 4.0);
+            Light::Sphere(Sphere { center, radius: 0.3, radiance: Rgb::splat(1.0) })
+        })
+        .collect();
+    let bounds = OrientedBox::aligned(-DVec3::from_array(HALF), DVec3::from_array(HALF));
     for text in [
+        "constant = {}",
+        "gradient = {}",
+        "lattice = { samples = [2, 2, 2] }",
         "lattice = { samples = [3, 3, 3] }",
         "lattice = { samples = [2, 2, 2], interpolation = \"half_gradient\" }",
         "rbf = { centers = \"corners+centre\", kernel = \"cubic\" }",
         "rbf = { samples = [3, 3, 3], kernel = \"cubic\" }",
     ] {
         let rig = rig(text);
-        let samples = sampled(&rig, 3);
-        group.bench_function(text, |b| {
-            b.iter_batched(|| samples.clone(), |samples| rig.fit(HALF, samples), BatchSize::SmallInput)
-        });
+        let requests = rig.placement(HALF);
+        let sample = || sample_lights(&lights, &bounds, &requests, 3, GradientSource::Analytic, Window::None).vectors;
+        group.bench_function(text, |b| b.iter(|| rig.fit(HALF, sample())));
         if let AnyRig::Rbf(rbf) = &rig {
+            let samples = sample();
+            group.bench_function(format!("{text}, fit alone"), |b| {
+                b.iter_batched(|| samples.clone(), |samples| rig.fit(HALF, samples), BatchSize::SmallInput)
+            });
             let solver = rbf.solver(HALF);
-            group.bench_function(format!("{text}, factorised"), |b| b.iter(|| solver.solve(black_box(&samples))));
+            group
+                .bench_function(format!("{text}, factorised before"), |b| b.iter(|| solver.solve(black_box(&samples))));
         }
     }
 }
@@ -164,6 +186,6 @@ fn main() {
     }
     let mut criterion = Criterion::default().configure_from_args();
     evaluation(&mut criterion);
-    fit(&mut criterion);
+    setup(&mut criterion);
     criterion.final_summary();
 }
