@@ -9,6 +9,8 @@ mod device;
 mod evaluation;
 #[path = "gpu/lights.rs"]
 mod lights;
+#[path = "gpu/projection.rs"]
+mod projection;
 #[path = "gpu/timing.rs"]
 mod timing;
 #[path = "gpu/volume.rs"]

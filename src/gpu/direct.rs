@@ -1,6 +1,6 @@
 use std::time::Duration;
 
-use super::pass::{Parameters, PointPass};
+use super::pass::{Grid, Parameters, PointPass};
 use super::{Gpu, GpuError, PreparedEvaluation, ShaderText};
 use crate::light::{Light, LightRows, lights_wgsl, shader_kinds};
 use crate::math::Rgb;
@@ -34,7 +34,11 @@ impl DirectEvaluator {
     pub fn with_model(gpu: &Gpu, lights: &[Light<f32>], model: &str) -> Result<Self, GpuError> {
         let kinds = rows(lights)?.kinds;
         let text = ShaderText::new().with_points().with(model).with(include_str!("passes/direct.wgsl"));
-        Ok(Self { gpu: gpu.clone(), pass: PointPass::new(gpu, "direct", text, Parameters::Buffer)?, kinds })
+        Ok(Self {
+            gpu: gpu.clone(),
+            pass: PointPass::new(gpu, "direct", text, Parameters::Buffer, Grid::THREAD_A_POINT)?,
+            kinds,
+        })
     }
 
     /// What compiling the pipeline took: part of `once_us`.

@@ -1,6 +1,6 @@
 use std::time::{Duration, Instant};
 
-use super::pass::{BoundPass, Parameters, PointPass};
+use super::pass::{BoundPass, Grid, Parameters, PointPass};
 use super::{Gpu, GpuError, Sample, ShaderText, Timing};
 use crate::math::Rgb;
 use crate::rig::{LocalPoints, ShVectors};
@@ -24,7 +24,11 @@ impl Evaluator {
             .with_dot(order)
             .with(model)
             .with(include_str!("passes/evaluate.wgsl"));
-        Ok(Self { gpu: gpu.clone(), pass: PointPass::new(gpu, "evaluate", text, Parameters::Buffer)?, order })
+        Ok(Self {
+            gpu: gpu.clone(),
+            pass: PointPass::new(gpu, "evaluate", text, Parameters::Buffer, Grid::THREAD_A_POINT)?,
+            order,
+        })
     }
 
     /// What compiling the pipeline took: part of `once_us`.
@@ -93,7 +97,8 @@ impl PreparedEvaluation {
     /// Runs once and brings E at every point back.
     pub fn evaluate(&mut self) -> Result<Vec<Rgb<f32>>, GpuError> {
         self.bound.run()?;
-        self.bound.result()
+        let rows = self.bound.result()?;
+        Ok(rows.iter().map(|row| Rgb::new(row[0], row[1], row[2])).collect())
     }
 
     /// Runs once untimed: the first run of a pipeline is slower, and it learns how large a tile may be.

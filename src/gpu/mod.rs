@@ -12,6 +12,7 @@ mod evaluate;
 mod expression;
 mod pass;
 mod points;
+mod project;
 mod shader;
 mod timing;
 mod volume;
@@ -20,6 +21,7 @@ pub use device::{AdapterDescription, AdapterKind, Gpu, GpuError, GpuFeatures, Gp
 pub use direct::DirectEvaluator;
 pub use evaluate::{Evaluator, PreparedEvaluation};
 pub use expression::WgslExpression;
+pub use project::{PreparedProjection, SphereProjector};
 pub use shader::ShaderText;
 pub use timing::{Sample, Timer, Timing};
 pub use volume::{VolumeEvaluator, VolumeFormat, VolumeShape};

@@ -4,7 +4,6 @@ use super::points::{self, Tile};
 use super::shader::{WORKGROUP, layout_entry, pipeline, storage_entry};
 use super::timing::Measured;
 use super::{Gpu, GpuError, Sample, ShaderText};
-use crate::math::Rgb;
 use crate::rig::LocalPoints;
 
 /// What a pass reads beside the points.
@@ -16,10 +15,25 @@ pub(super) enum Parameters {
     Volume,
 }
 
+/// How a pass divides the points, and how much it writes for each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Grid {
+    /// Points a workgroup.
+    pub points_a_group: u32,
+    /// Rows of four numbers that a point's result has.
+    pub rows_a_point: u32,
+}
+
+impl Grid {
+    /// A thread a point, which writes one row.
+    pub const THREAD_A_POINT: Self = Self { points_a_group: WORKGROUP, rows_a_point: 1 };
+}
+
 /// A compiled pass over points, and the empty pass beside it.
 #[derive(Clone, Debug)]
 pub(super) struct PointPass {
     gpu: Gpu,
+    grid: Grid,
     name: &'static str,
     layout: wgpu::BindGroupLayout,
     pipeline: wgpu::ComputePipeline,
@@ -30,13 +44,19 @@ pub(super) struct PointPass {
 
 impl PointPass {
     /// Compiles `text`, which holds the entry point `name`.
-    pub fn new(gpu: &Gpu, name: &'static str, text: ShaderText, parameters: Parameters) -> Result<Self, GpuError> {
+    pub fn new(
+        gpu: &Gpu,
+        name: &'static str,
+        text: ShaderText,
+        parameters: Parameters,
+        grid: Grid,
+    ) -> Result<Self, GpuError> {
         let layout = gpu.checked(name, || Ok(bind_group_layout(gpu, name, parameters)))?;
         let empty_text = ShaderText::new().with_points().with(include_str!("passes/empty.wgsl"));
         let empty = pipeline(gpu, "empty", &empty_text, &layout)?;
         let start = Instant::now();
         let pipeline = pipeline(gpu, name, &text, &layout)?;
-        let mut pass = Self { gpu: gpu.clone(), name, layout, pipeline, empty, once: Duration::ZERO };
+        let mut pass = Self { gpu: gpu.clone(), grid, name, layout, pipeline, empty, once: Duration::ZERO };
         pass.dispatch_nothing(parameters)?;
         pass.once = start.elapsed();
         Ok(pass)
@@ -84,6 +104,10 @@ impl PointPass {
         })
     }
 
+    fn result_bytes(&self) -> u64 {
+        u64::from(self.grid.rows_a_point) * 16
+    }
+
     /// Uploads the points, repeated until there are `total`, and binds them with the parameters.
     pub fn bind(
         &self,
@@ -94,9 +118,9 @@ impl PointPass {
         self.gpu.checked(self.name, || {
             let packed = points::packed(points, total);
             let points = self.gpu.storage("the buffer of points", bytemuck::cast_slice(&packed))?;
-            let result = self.gpu.output("the buffer of results", packed.len() as u64 * RESULT_BYTES)?;
+            let result = self.gpu.output("the buffer of results", packed.len() as u64 * self.result_bytes())?;
             let largest = u64::from(self.gpu.device.limits().max_compute_workgroups_per_dimension);
-            let most = largest * u64::from(WORKGROUP) * u64::from(MOST_TILES);
+            let most = largest * u64::from(self.grid.points_a_group) * u64::from(MOST_TILES);
             if packed.len() as u64 > most {
                 return Err(GpuError::TooLarge { what: "the number of points", needed: total as u64, limit: most });
             }
@@ -126,7 +150,7 @@ impl PointPass {
                 tiles,
                 result,
                 count: packed.len(),
-                tile_points: FIRST_TILE,
+                tile_points: (FIRST_GROUPS * self.grid.points_a_group) as usize,
                 has_run: false,
             })
         })
@@ -146,13 +170,12 @@ pub(super) struct BoundPass {
     has_run: bool,
 }
 
-const RESULT_BYTES: u64 = 16;
 /// The offset alignment of uniform buffers that every adapter has.
 const TILE_STRIDE: u64 = 256;
 /// Tiles a run: two timestamps each must fit into one query set of 4096, the empty run's beside them.
 const MOST_TILES: u32 = 512;
-/// The first tile of a first run. Small: what it costs is not known yet.
-const FIRST_TILE: usize = 4096;
+/// Workgroups of the first tile of a first run. Few: what they cost is not known yet.
+const FIRST_GROUPS: u32 = 64;
 /// Tiles grow while they take less than a quarter of the 100 ms that one dispatch may take, and shrink above it.
 const TILE_LOW: Duration = Duration::from_millis(25);
 const TILE_HIGH: Duration = Duration::from_millis(80);
@@ -165,7 +188,8 @@ impl BoundPass {
     /// Runs over all points, one tile after the other, and learns how large a tile may be.
     pub fn run(&mut self) -> Result<(), GpuError> {
         let gpu = self.pass.gpu.clone();
-        let widest = gpu.device.limits().max_compute_workgroups_per_dimension as usize * WORKGROUP as usize;
+        let points_a_group = self.pass.grid.points_a_group as usize;
+        let widest = gpu.device.limits().max_compute_workgroups_per_dimension as usize * points_a_group;
         let mut first = 0;
         while first < self.count {
             let end = (first + self.tile_points).min(self.count);
@@ -180,7 +204,7 @@ impl BoundPass {
             if took < TILE_LOW && end - first == self.tile_points {
                 self.tile_points = (self.tile_points * 2).min(widest);
             } else if took > TILE_HIGH {
-                self.tile_points = (self.tile_points / 2).max(WORKGROUP as usize);
+                self.tile_points = (self.tile_points / 2).max(points_a_group);
             }
             first = end;
         }
@@ -190,12 +214,12 @@ impl BoundPass {
         Ok(())
     }
 
-    /// What the last run found.
-    pub fn result(&self) -> Result<Vec<Rgb<f32>>, GpuError> {
-        let bytes = self.count as u64 * RESULT_BYTES;
-        let read = self.pass.gpu.checked(self.pass.name, || self.pass.gpu.read(&self.result, bytes, self.pass.name))?;
-        let rows: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&read);
-        Ok(rows.iter().map(|row| Rgb::new(row[0], row[1], row[2])).collect())
+    /// What the last run found, row after row.
+    pub fn result(&self) -> Result<Vec<[f32; 4]>, GpuError> {
+        let (gpu, name) = (&self.pass.gpu, self.pass.name);
+        let bytes = self.count as u64 * self.pass.result_bytes();
+        let read = gpu.checked(name, || gpu.read(&self.result, bytes, name))?;
+        Ok(bytemuck::pod_collect_to_vec(&read))
     }
 
     /// One timed run over all points, less an empty one. Before the first, an untimed run learns the size of tiles.
@@ -257,7 +281,7 @@ impl BoundPass {
         });
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &self.bindings, &[slot * TILE_STRIDE as u32]);
-        pass.dispatch_workgroups(points.div_ceil(WORKGROUP), 1, 1);
+        pass.dispatch_workgroups(points.div_ceil(self.pass.grid.points_a_group), 1, 1);
         drop(pass);
         gpu.queue.submit([encoder.finish()]);
     }

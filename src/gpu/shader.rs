@@ -50,6 +50,11 @@ impl ShaderText {
         part.with(include_str!("shaders/sh.wgsl"))
     }
 
+    /// `sh_basis_gradient(direction)` after [`ShaderText::with_basis`]: fills `sh_gradient` too.
+    pub fn with_basis_gradient(self) -> Self {
+        self.with(include_str!("shaders/sh_gradient.wgsl"))
+    }
+
     /// `sh_dot(first) -> vec3f`: the sum over coefficients of `sh_y[k]` times the row `vectors[first + k]`, in the order of k.
     pub(super) fn with_dot(mut self, order: usize) -> Self {
         self.text.push_str("fn sh_dot(first: u32) -> vec3f {\n    var sum = sh_y[0] * vectors[first].rgb;\n");

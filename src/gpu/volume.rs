@@ -1,7 +1,7 @@
 use std::fmt::Write;
 use std::time::Duration;
 
-use super::pass::{Parameters, PointPass};
+use super::pass::{Grid, Parameters, PointPass};
 use super::{Gpu, GpuError, PreparedEvaluation, ShaderText};
 use crate::math::Rgb;
 use crate::rig::{AnyRig, Interpolation, LocalPoints, ShVectors};
@@ -169,7 +169,7 @@ impl VolumeEvaluator {
             .with_basis(shape.order)
             .with(model)
             .with(include_str!("passes/evaluate_volume.wgsl"));
-        let pass = PointPass::new(gpu, "evaluate_volume", text, Parameters::Volume)?;
+        let pass = PointPass::new(gpu, "evaluate_volume", text, Parameters::Volume, Grid::THREAD_A_POINT)?;
         let sampler = gpu.checked("the sampler of volumes", || {
             Ok(gpu.device.create_sampler(&wgpu::SamplerDescriptor {
                 label: Some("volume"),

@@ -28,7 +28,7 @@ pub use environment::{Environment, EnvironmentFile, EnvironmentMap};
 pub use point::{Point, PointFile};
 pub use polygon::{Polygon, PolygonFile};
 pub use rect::{Rect, RectFile};
-pub use shader::{LightRows, lights_wgsl, shader_kinds};
+pub use shader::{LightRows, lights_wgsl, shader_kinds, sphere_projection_wgsl};
 pub use sphere::{Sphere, SphereFile};
 pub use tube::{Tube, TubeFile};
 

@@ -195,6 +195,11 @@ pub fn lights_wgsl(kinds: &[&str], lobe: &Lobe<f32>) -> String {
     text + &sum
 }
 
+/// WGSL that defines `sphere_projection(center, radius, p)` after [`lights_wgsl`] and the SH basis with gradients.
+pub fn sphere_projection_wgsl() -> String {
+    include_str!("sphere_projection.wgsl").to_owned()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -224,23 +224,19 @@ fn the_basis_agrees_at_every_order() {
     });
 }
 
-/// The coefficients whose polynomial a line of sh.wgsl (or of its printed constants) holds a number of, by the names in it.
+/// The coefficients that a line of sh.wgsl (or of its printed constants) holds a number of: both signs of its m.
 fn coefficients_of_line(line: &str) -> Vec<usize> {
     let line = line.trim_start();
-    let digits = |from: &str| -> Option<(usize, usize)> {
-        let mut digits = line.strip_prefix(from)?.chars().map(|c| c.to_digit(10).map(|d| d as usize));
-        Some((digits.next()??, digits.next()??))
-    };
-    if let Some((degree, m)) = digits("const SH_N").or_else(|| digits("let y")) {
-        let centre = degree * (degree + 1);
-        return vec![centre + m, centre - m];
+    let pair = |degree: usize, m: usize| vec![degree * (degree + 1) + m, degree * (degree + 1) - m];
+    if let Some(name) = line.strip_prefix("const SH_N") {
+        let mut digits = name.chars().map(|c| c.to_digit(10).map(|d| d as usize));
+        let (Some(Some(degree)), Some(Some(m))) = (digits.next(), digits.next()) else { return vec![] };
+        return pair(degree, m);
     }
-    match line.strip_prefix("sh_y[").and_then(|rest| rest.split(']').next()) {
-        Some(index) => vec![index.parse().unwrap()],
-        // 2 x y is the imaginary part of (x + iy)^2
-        None if line.starts_with("let im2") => vec![4],
-        None => vec![],
-    }
+    let Some(index) = line.strip_prefix("sh_q[").and_then(|rest| rest.split(']').next()) else { return vec![] };
+    let index: usize = index.parse().unwrap();
+    let degree = (0..MAX_ORDER).rev().find(|degree| degree * (degree + 1) / 2 <= index).unwrap();
+    pair(degree, index - degree * (degree + 1) / 2)
 }
 
 #[test]
