@@ -32,6 +32,7 @@ const TWINS: &[Twin] = &[
     Twin { kind: "disk", rows: 3, wraps: false, wgsl: include_str!("disk.wgsl") },
     Twin { kind: "rect", rows: 3, wraps: false, wgsl: include_str!("rect.wgsl") },
     Twin { kind: "polygon", rows: 3, wraps: false, wgsl: include_str!("polygon.wgsl") },
+    Twin { kind: "tube", rows: 3, wraps: false, wgsl: include_str!("tube.wgsl") },
     Twin { kind: "point", rows: 2, wraps: true, wgsl: include_str!("point.wgsl") },
     Twin { kind: "directional", rows: 2, wraps: true, wgsl: include_str!("directional.wgsl") },
     Twin { kind: "constant", rows: 1, wraps: true, wgsl: include_str!("constant.wgsl") },
@@ -75,11 +76,11 @@ impl Packed {
             }
             Light::Rect(rect) => rect.with_facet(|facet| Self::facet(facet, rect.colour())),
             Light::Polygon(polygon) => Self::facet(polygon.facet(), polygon.colour()),
+            Light::Tube(tube) => Self::record(vec![row(tube.from, 0.0), row(tube.to, 0.0), colour(tube.intensity)]),
             Light::Point(point) => Self::record(vec![row(point.position, 0.0), colour(point.intensity)]),
             Light::Directional(sun) => Self::record(vec![row(sun.towards, 0.0), colour(sun.irradiance)]),
             Light::Constant(constant) => Self::record(vec![colour(constant.radiance)]),
-            #[allow(unreachable_patterns, reason = "a shape may come before its twin")]
-            _ => return None,
+            Light::Environment(_) => return None,
         })
     }
 }

@@ -2,7 +2,7 @@
 
 use rigbench::gpu::{DirectEvaluator, Gpu, ShaderText, WgslExpression};
 use rigbench::light::{
-    self, Constant, Directional, Disk, Light, LightRows, LightShape, Point, Polygon, Rect, Sphere, lights_wgsl,
+    self, Constant, Directional, Disk, Light, LightRows, LightShape, Point, Polygon, Rect, Sphere, Tube, lights_wgsl,
     shader_kinds,
 };
 use rigbench::math::{Rgb, Stream, StreamPurpose, Vector3};
@@ -285,6 +285,7 @@ fn every_kind() -> Vec<Light<f32>> {
         let radiance = Rgb::new(1.0, 2.0, 0.5);
         lights.push(Light::Polygon(Polygon::new(&vertices, radiance).unwrap().relative_to(glam::DVec3::ZERO)));
         lights.push(Light::Rect(Rect::new(middle, x * 0.5, y * 1.5, radiance).unwrap().relative_to(glam::DVec3::ZERO)));
+        lights.push(Light::Tube(Tube { from: place(), to: place(), intensity: colour(2.0, 1.0, 0.5) }));
         lights.push(Light::Directional(Directional {
             towards: place().normalized().unwrap(),
             irradiance: colour(0.2, 0.1, 0.3),
@@ -466,3 +467,59 @@ fn the_polygon_agrees_with_its_wgsl_twin() {
         }
     });
 }
+
+#[test]
+fn the_tube_agrees_with_its_wgsl_twin() {
+    on_gpu("the_tube_agrees_with_its_wgsl_twin", |gpu| {
+        let mut stream = Stream::indexed(46, StreamPurpose::Test, 0);
+        let mut cases = Vec::new();
+        for step in 0..40 {
+            let length = 10f64.powf(-3.0 + 5.0 * f64::from(step) / 39.0);
+            for _ in 0..25 {
+                let from = stream.direction() * stream.uniform_between(0.01, 2.0);
+                cases.push((from, from + stream.direction() * length, stream.direction()));
+            }
+        }
+        // passing by closely, in line with the point, through the horizon at the point's own height
+        for (from, to) in [([-1.0, 0.0, 1e-3], [1.0, 0.0, 1e-3]), ([0.0, 0.0, 0.5], [0.0, 0.0, 2.0]), ([-1.0, 0.0, -0.5], [1.0, 0.0, 0.5])] {
+            cases.push((glam::DVec3::from_array(from), glam::DVec3::from_array(to), glam::DVec3::Z));
+        }
+        let cases: Vec<[Vector3<f32>; 3]> = cases.into_iter().map(|(a, b, n)| [a, b, n].map(Vector3::of)).collect();
+        let rows: Vec<f32> = cases.iter().flatten().flat_map(|v| v.to_array()).collect();
+        let disagreement = |model: &str| {
+            let got = WgslExpression {
+                functions: ShaderText::new().with(model),
+                body: "output(0u, tube_irradiance(input_vec3(0u), input_vec3(3u), input_vec3(6u)));",
+                inputs: 9,
+                outputs: 1,
+            }
+            .run(gpu, &rows)
+            .unwrap();
+            let off = cases.iter().zip(got).map(|([from, to, n], got)| {
+                let tube = Tube { from: *from, to: *to, intensity: Rgb::splat(1.0) };
+                let expected = tube.irradiance(Vector3::zero(), *n, &Lobe::lambert()).value.r;
+                // its length over the least squared distance bounds what it gives; so does 2 over that distance
+                let side = *to - *from;
+                let along = (-from.dot(side) / side.length_squared()).clamp(0.0, 1.0);
+                let nearest = (*from + side * along).length();
+                let scale = (side.length() / nearest).min(2.0) / nearest;
+                let off = (got - expected).abs() / scale;
+                if off.is_finite() { off } else { f32::INFINITY }
+            });
+            off.fold(0.0, f32::max)
+        };
+        let right = lights_wgsl(&["tube"], &Lobe::lambert());
+        let off = disagreement(&right);
+        println!("tube: {off:e}");
+        assert!(off < TUBE_TOLERANCE, "{off:e}");
+        for (right_part, wrong) in [("ra * rb + apart", "ra * rb + 1.001 * apart"), ("(ra * rb - apart)", "(ra * rb)"), ("a = a0 + side *", "a = a0 + 0.99 * side *")] {
+            let broken = right.replacen(right_part, wrong, 1);
+            assert_ne!(broken, right, "{right_part} is not in the shader");
+            let off = disagreement(&broken);
+            assert!(off > TUBE_TOLERANCE, "{wrong} in place of {right_part} went unnoticed: {off:e}");
+        }
+    });
+}
+
+/// Some 30 roundings: the divisor's cross product of nearly parallel vectors loses most.
+const TUBE_TOLERANCE: f32 = 4e-6;
