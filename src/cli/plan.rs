@@ -34,7 +34,7 @@ fn table(text: &mut String, candidates: &[Candidate], identities: &[Identity], r
     let axes: Vec<Axis> = Axis::ALL
         .into_iter()
         .filter(|axis| {
-            let values: HashSet<Option<&str>> = candidates.iter().map(|c| c.column(*axis)).collect();
+            let values: HashSet<&str> = candidates.iter().filter_map(|c| c.column(*axis)).collect();
             values.len() > 1 || matches!(axis, Axis::Scene | Axis::Lights | Axis::Rig)
         })
         .collect();

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use super::layout::NamedLight;
 use super::{MotionPath, OrientedBox};
 use crate::input::{Finite, InputError, Source, Spanned};
-use crate::light::{Disk, Light, Point, Sphere};
+use crate::light::{Disk, Light, Point, Rect, Sphere, Tube};
 use crate::math::{Rgb, Stream, StreamPurpose, Vector3};
 
 /// Each channel of a light differs from grey by at most this fraction, before the mean is set back to 1.
@@ -36,7 +36,7 @@ pub(super) struct RandomFile {
 /// The unit of lengths is the half diagonal of the receiver's box (1 m for a box without extent; of several receivers, the
 /// box along the world's axes around all of theirs). A light stands in a direction from the box's centre that is uniform over
 /// the sphere, with its nearest possible point at a distance from the box that is uniform in `distance`: a light never
-/// touches the box, however it is turned. Flat lights face a uniform point of the box.
+/// touches the box, however it is turned. Flat lights face a uniform point of the box, tubes lie across the line to one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RandomLayouts {
     pub seed: u64,
@@ -48,7 +48,7 @@ pub struct RandomLayouts {
     pub kinds: Vec<RandomKind>,
     /// From the box to the light, least and most.
     pub distance: [f64; 2],
-    /// Radius, half edge or half length, least and most.
+    /// Radius, longer half edge or half length, least and most.
     pub size: [f64; 2],
     /// W that a light sends out in all, the mean of its channels, least and most; uniform in its logarithm.
     pub power: [f64; 2],
@@ -59,35 +59,69 @@ pub struct RandomLayouts {
 pub enum RandomKind {
     Sphere,
     Disk,
+    /// The size is the longer half edge, the shorter one is 0.4 to 1 of it.
+    Rect,
+    /// The size is half the length.
+    Tube,
     Point,
 }
 
+/// What a random light's shape is made of.
+struct Draw {
+    center: DVec3,
+    /// Unit vector; where a flat light faces.
+    facing: DVec3,
+    /// Unit vector at right angles to it.
+    across: DVec3,
+    size: f64,
+    /// Shorter edge over longer one.
+    aspect: f64,
+    /// W.
+    power: Rgb<f64>,
+}
+
 impl RandomKind {
-    const ALL: &'static [(&'static str, RandomKind)] =
-        &[("sphere", RandomKind::Sphere), ("disk", RandomKind::Disk), ("point", RandomKind::Point)];
+    const ALL: &'static [(&'static str, RandomKind)] = &[
+        ("sphere", RandomKind::Sphere),
+        ("disk", RandomKind::Disk),
+        ("rect", RandomKind::Rect),
+        ("tube", RandomKind::Tube),
+        ("point", RandomKind::Point),
+    ];
 
     /// Radius of the sphere that holds the light however it is turned, over its size.
     fn reach(self) -> f64 {
         match self {
-            RandomKind::Sphere | RandomKind::Disk => 1.0,
+            RandomKind::Sphere | RandomKind::Disk | RandomKind::Tube => 1.0,
+            RandomKind::Rect => 2f64.sqrt(),
             RandomKind::Point => 0.0,
         }
     }
 
-    /// A light of radiant power `power` at `center`, turned towards `facing` (unit) if it is flat.
-    /// A sphere sends out 4 pi^2 R^2 L, a disk pi^2 R^2 L, a point 4 pi I.
-    fn light(self, center: DVec3, facing: DVec3, size: f64, power: Rgb<f64>) -> Light<f64> {
-        let center = Vector3::of(center);
+    /// The light of a draw. Radiant power: of a sphere 4 pi^2 R^2 L, of a flat light pi A L, of a tube 4 pi times length
+    /// times intensity, of a point 4 pi I.
+    fn light(self, draw: Draw) -> Light<f64> {
+        let Draw { center, facing, across, size, aspect, power } = draw;
+        let flat = |area: f64| power * (1.0 / (PI * area));
         match self {
             RandomKind::Sphere => {
                 let radiance = power * (1.0 / (4.0 * PI * PI * size * size));
-                Light::Sphere(Sphere { center, radius: size, radiance })
+                Light::Sphere(Sphere { center: Vector3::of(center), radius: size, radiance })
             }
             RandomKind::Disk => {
-                let radiance = power * (1.0 / (PI * PI * size * size));
-                Light::Disk(Disk { center, normal: Vector3::of(facing), radius: size, radiance })
+                let (center, normal) = (Vector3::of(center), Vector3::of(facing));
+                Light::Disk(Disk { center, normal, radius: size, radiance: flat(PI * size * size) })
             }
-            RandomKind::Point => Light::Point(Point { position: center, intensity: power * (0.25 / PI) }),
+            RandomKind::Rect => {
+                let (u, v) = (across * size, facing.cross(across) * (aspect * size));
+                let radiance = flat(4.0 * aspect * size * size);
+                Light::Rect(Rect::new(center, u, v, radiance).expect("edges at right angles"))
+            }
+            RandomKind::Tube => {
+                let [from, to] = [-size, size].map(|along| Vector3::of(center + across * along));
+                Light::Tube(Tube { from, to, intensity: power * (1.0 / (8.0 * PI * size)) })
+            }
+            RandomKind::Point => Light::Point(Point { position: Vector3::of(center), intensity: power * (0.25 / PI) }),
         }
     }
 }
@@ -110,7 +144,14 @@ impl RandomLayouts {
                 let power = (stream.uniform_between(self.power[0].ln(), self.power[1].ln())).exp();
                 let tint: [f64; 3] = std::array::from_fn(|_| stream.uniform_between(1.0 - TINT, 1.0 + TINT));
                 let grey = tint.iter().sum::<f64>() / 3.0;
-                let light = kind.light(center, facing, size, Rgb::of(tint) * (power / grey));
+                let power = Rgb::of(tint) * (power / grey);
+                // turned about where it faces, by a stream of the place
+                let mut turns = Stream::at(self.seed, StreamPurpose::Layout, &center.to_array());
+                let (tangent, bitangent) = facing.any_orthonormal_pair();
+                let (sin, cos) = (2.0 * PI * turns.uniform()).sin_cos();
+                let across = tangent * cos + bitangent * sin;
+                let aspect = turns.uniform_between(0.4, 1.0);
+                let light = kind.light(Draw { center, facing, across, size, aspect, power });
                 NamedLight { name: format!("light-{}", number + 1), light, path: None::<MotionPath> }
             })
             .collect()
@@ -185,8 +226,10 @@ impl RandomFile {
         use crate::input::schema::{some, table, whole, whole_from, word};
         let distance =
             described(exactly(2, at_least(0.0)), "from the receiver's box, least and most, in its half diagonals");
-        let size =
-            described(exactly(2, above(0.0)), "radius or half edge, least and most, in the box's half diagonals");
+        let size = described(
+            exactly(2, above(0.0)),
+            "radius, longer half edge or half length, least and most, in the box's half diagonals",
+        );
         let power = described(
             either([above(0.0), exactly(2, above(0.0))]),
             "W that a light sends out, or the least and the most",

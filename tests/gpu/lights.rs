@@ -481,7 +481,11 @@ fn the_tube_agrees_with_its_wgsl_twin() {
             }
         }
         // passing by closely, in line with the point, through the horizon at the point's own height
-        for (from, to) in [([-1.0, 0.0, 1e-3], [1.0, 0.0, 1e-3]), ([0.0, 0.0, 0.5], [0.0, 0.0, 2.0]), ([-1.0, 0.0, -0.5], [1.0, 0.0, 0.5])] {
+        for (from, to) in [
+            ([-1.0, 0.0, 1e-3], [1.0, 0.0, 1e-3]),
+            ([0.0, 0.0, 0.5], [0.0, 0.0, 2.0]),
+            ([-1.0, 0.0, -0.5], [1.0, 0.0, 0.5]),
+        ] {
             cases.push((glam::DVec3::from_array(from), glam::DVec3::from_array(to), glam::DVec3::Z));
         }
         let cases: Vec<[Vector3<f32>; 3]> = cases.into_iter().map(|(a, b, n)| [a, b, n].map(Vector3::of)).collect();
@@ -512,7 +516,11 @@ fn the_tube_agrees_with_its_wgsl_twin() {
         let off = disagreement(&right);
         println!("tube: {off:e}");
         assert!(off < TUBE_TOLERANCE, "{off:e}");
-        for (right_part, wrong) in [("ra * rb + apart", "ra * rb + 1.001 * apart"), ("(ra * rb - apart)", "(ra * rb)"), ("a = a0 + side *", "a = a0 + 0.99 * side *")] {
+        for (right_part, wrong) in [
+            ("ra * rb + apart", "ra * rb + 1.001 * apart"),
+            ("(ra * rb - apart)", "(ra * rb)"),
+            ("a = a0 + side *", "a = a0 + 0.99 * side *"),
+        ] {
             let broken = right.replacen(right_part, wrong, 1);
             assert_ne!(broken, right, "{right_part} is not in the shader");
             let off = disagreement(&broken);
