@@ -124,10 +124,26 @@ fn one_at_a_time() {
         let single = light.relative_to::<f32>(DVec3::ZERO);
         let doubles: Vec<Vector3<f64>> = points.iter().map(|p| Vector3::of(p.to_double())).collect();
         let seconds = medians(&mut [
-            &mut || points.iter().for_each(|p| drop(black_box(single.projection_with_gradient::<9>(black_box(*p))))),
-            &mut || points.iter().for_each(|p| drop(black_box(single.projection_with_gradient::<36>(black_box(*p))))),
-            &mut || doubles.iter().for_each(|p| drop(black_box(light.projection_with_gradient::<9>(black_box(*p))))),
-            &mut || doubles.iter().for_each(|p| drop(black_box(light.projection_with_gradient::<36>(black_box(*p))))),
+            &mut || {
+                points.iter().for_each(|p| {
+                    black_box(single.projection_with_gradient::<9>(black_box(*p)));
+                })
+            },
+            &mut || {
+                points.iter().for_each(|p| {
+                    black_box(single.projection_with_gradient::<36>(black_box(*p)));
+                })
+            },
+            &mut || {
+                doubles.iter().for_each(|p| {
+                    black_box(light.projection_with_gradient::<9>(black_box(*p)));
+                })
+            },
+            &mut || {
+                doubles.iter().for_each(|p| {
+                    black_box(light.projection_with_gradient::<36>(black_box(*p)));
+                })
+            },
         ]);
         let each: Vec<String> = seconds.iter().map(|s| format!("{:.0}", s / points.len() as f64 * 1e9)).collect();
         println!(

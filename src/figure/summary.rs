@@ -27,7 +27,7 @@ pub fn summary(table: &Table) -> String {
     let mut out = String::new();
     // a family of random layouts would outweigh the named ones: rates over it are figures and claims of their own
     let rows = named_first(&pooled.rows().collect::<Vec<_>>());
-    for group in groups(rows.into_iter(), &["backend", "adapter"]) {
+    for group in groups(rows, &["backend", "adapter"]) {
         let compared = comparable(&group.rows);
         let mut part = part(&machine(group.key[0], group.key[1]), &compared);
         let left_out = group.rows.len() - compared.len();

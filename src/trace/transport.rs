@@ -206,10 +206,8 @@ impl<'a> Transport<'a> {
         };
         match arrival {
             Some((arrival, distance)) if gather.sees(arrival.direction) => {
-                if self.effects.shadows {
-                    if self.blocked(start, arrival.direction, distance, observer) {
-                        return (Some(arrival), true);
-                    }
+                if self.effects.shadows && self.blocked(start, arrival.direction, distance, observer) {
+                    return (Some(arrival), true);
                 }
                 (Some(arrival), false)
             }
@@ -404,10 +402,8 @@ impl<'a> Transport<'a> {
             };
             if let Some((arrival, distance)) = self.light_arrival(index, vertex.position, u, false) {
                 let cosine = vertex.normal.dot(arrival.direction);
-                if cosine > 0.0 {
-                    if !self.blocked(start, arrival.direction, distance, observer) {
-                        sum += arrival.weight * (cosine / probability);
-                    }
+                if cosine > 0.0 && !self.blocked(start, arrival.direction, distance, observer) {
+                    sum += arrival.weight * (cosine / probability);
                 }
             }
         }
