@@ -144,3 +144,60 @@ fn a_missing_gpu_is_an_error_only_where_one_was_demanded() {
     let (exit, _) = without_driver(&[&both[..], &["--backend", "gpu"]].concat());
     assert_eq!(exit, 5);
 }
+
+/// The same project with other effects: what was counted, by name.
+fn counted(folder: &Path, mode: &str) -> std::collections::HashMap<String, u64> {
+    let mode = format!("effects.mode=\"{mode}\"");
+    let settings = ["run", "experiments/small.toml", "--filter", "rig=constant", "--set", &mode];
+    let (exit, _, log) = run(folder, &settings);
+    assert_eq!(exit, 0, "{log}");
+    let rows = csv(&std::fs::read(results(folder)).unwrap());
+    ["shadow_rays", "closest_rays", "bounces"].map(|name| (name.to_owned(), rows[0][name].parse().unwrap())).into()
+}
+
+#[test]
+fn a_forced_effect_is_simulated_as_often_as_geometry_says() {
+    use glam::DVec3;
+    use rigbench::scene::Scene;
+    let folder = project();
+    let points = [DVec3::new(0.3, 1.6, 0.2), DVec3::new(-1.0, 0.7, 0.4)];
+    let layout: String = points
+        .iter()
+        .enumerate()
+        .map(|(i, p)| {
+            format!(
+                "[[light]]\nname = \"{i}\"\npoint = {{ position = [{}, {}, {}], intensity = [1, 1, 1] }}\n",
+                p.x, p.y, p.z
+            )
+        })
+        .collect();
+    std::fs::write(folder.path().join("scenes/lights/lamp.toml"), format!("schema_version = 1\n{layout}")).unwrap();
+    let ball = folder.path().join("scenes/ball.toml");
+    let alone = std::fs::read_to_string(&ball).unwrap();
+
+    // nothing is called for where nothing can block, whatever could be traced
+    assert!(counted(folder.path(), "auto").values().all(|count| *count == 0));
+    // forced: one ray for each point that faces a light (a point light has one direction, so one sample is its value)
+    let scene = Scene::load(&ball).unwrap();
+    let facing = |p: &rigbench::scene::SurfacePoint| {
+        points.iter().filter(|light| (**light - p.position).dot(p.normal) > 0.0).count() as u64
+    };
+    let expected: u64 = scene.receivers[0].area_points(0, 2048).iter().map(facing).sum();
+    assert!(expected > 1000);
+    let forced = counted(folder.path(), "shadows");
+    assert_eq!(forced["shadow_rays"], expected);
+    assert_eq!((forced["closest_rays"], forced["bounces"]), (0, 0));
+
+    // a black room calls for shadows and for no bounce
+    let room = "\n[material.black]\nalbedo = [0, 0, 0]\n[[object]]\nname = \"room\"\nmaterial = \"black\"\n\
+                shape = { box = { min = [-3, -3, -3], max = [3, 3, 3] } }\n";
+    std::fs::write(&ball, alone + room).unwrap();
+    let auto = counted(folder.path(), "auto");
+    assert_eq!((auto["closest_rays"], auto["bounces"]), (0, 0));
+    assert_eq!(auto["shadow_rays"], expected);
+    // forced: the room is closed, so that every ray for the nearest surface meets a wall, and black, so that none goes on
+    let forced = counted(folder.path(), "bounces=1");
+    assert!(forced["closest_rays"] > 2048, "{forced:?}");
+    assert_eq!(forced["bounces"], forced["closest_rays"]);
+    assert_eq!(forced["shadow_rays"], expected);
+}

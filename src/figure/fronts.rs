@@ -188,33 +188,26 @@ impl Fronts {
 
     fn legend(&self, drawing: &mut Drawing, cell: Rect, prices: &[(usize, Option<Halving>, usize)], unnamed: bool) {
         let x = cell.x + 58.0;
-        let mut y = cell.y + 30.0;
-        let mut entry = |drawing: &mut Drawing, draw: &dyn Fn(&mut Drawing, [f64; 2]), text: &str| {
-            draw(drawing, [x + 10.0, y]);
-            drawing.text([x + 32.0, y + 0.5 * CAP * LABEL], text, LABEL, INK, Anchor::Start);
-            y += 23.0;
+        let mut entries: Vec<(Sign, String)> = Vec::new();
+        let on_front = |d: &mut Drawing, p: [f64; 2]| {
+            d.line([[p[0] - 11.0, p[1]], [p[0] + 11.0, p[1]]], Stroke::new(ACCENT, 1.5));
+            marker(d, p, None, true);
         };
-        entry(
-            drawing,
-            &|d, p| {
-                d.line([[p[0] - 11.0, p[1]], [p[0] + 11.0, p[1]]], Stroke::new(ACCENT, 1.5));
-                marker(d, p, None, true);
-            },
-            "on the front: none is cheaper and better",
-        );
+        entries.push((Box::new(on_front), "on the front: none is cheaper and better".to_owned()));
         let beaten =
             if unnamed { "beaten; named where there is room, all in the CSV" } else { "beaten by one on the front" };
-        entry(drawing, &|d, p| marker(d, p, None, false), beaten);
+        entries.push((Box::new(|d, p| marker(d, p, None, false)), beaten.to_owned()));
         let mut orders: Vec<u32> = self.points.iter().filter_map(|p| p.order).collect();
         orders.sort_unstable();
         orders.dedup();
         if orders.len() > 1 {
             for order in orders {
                 let text = format!("name /{order}: order {order}, {} coefficients", order * order);
-                entry(drawing, &|d, p| marker(d, p, Some(order), true), &text);
+                entries.push((Box::new(move |d, p| marker(d, p, Some(order), true)), text));
             }
             if self.points.iter().any(|p| p.order.is_none()) {
-                entry(drawing, &|d, p| marker(d, p, Some(0), true), "keeps no spherical harmonics");
+                let text = "keeps no spherical harmonics".to_owned();
+                entries.push((Box::new(|d, p| marker(d, p, Some(0), true)), text));
             }
         }
         let floor = next_to_nothing(self.points.iter().filter_map(|p| p.error));
@@ -223,19 +216,27 @@ impl Fronts {
                 d.text([p[0], p[1] + 0.5 * CAP * LABEL], "≈ 0", LABEL, MUTED, Anchor::Middle);
             };
             let text = format!("error under {}: below the broken axis", Format::Percent.write(floor));
-            entry(drawing, &near, &text);
+            entries.push((Box::new(near), text));
         } else if self.points.iter().any(|p| p.error.is_some_and(|e| e <= 0.0)) {
             let zero = |d: &mut Drawing, p: [f64; 2]| {
                 d.text([p[0], p[1] + 0.5 * CAP * LABEL], "0", LABEL, MUTED, Anchor::Middle);
             };
-            entry(drawing, &zero, "no error at all: below the broken axis");
+            entries.push((Box::new(zero), "no error at all: below the broken axis".to_owned()));
         }
         if self.unresolved_below.is_some_and(|v| v > 0.0) {
-            entry(
-                drawing,
-                &|d, p| d.line([[p[0] - 11.0, p[1]], [p[0] + 11.0, p[1]]], Stroke::dashed(MUTED, 1.0, 2.0, 3.0)),
-                "twice the reference's noise: not resolved below",
-            );
+            let limit = |d: &mut Drawing, p: [f64; 2]| {
+                d.line([[p[0] - 11.0, p[1]], [p[0] + 11.0, p[1]]], Stroke::dashed(MUTED, 1.0, 2.0, 3.0));
+            };
+            entries.push((Box::new(limit), "twice the reference's noise: not resolved below".to_owned()));
+        }
+        // closer together where there are many
+        let room = cell.height - 30.0 - 45.0 - 20.0 * prices.len() as f64;
+        let step = (room / entries.len() as f64).min(23.0);
+        let mut y = cell.y + 30.0;
+        for (sign, text) in &entries {
+            sign(drawing, [x + 10.0, y]);
+            drawing.text([x + 32.0, y + 0.5 * CAP * LABEL], text, LABEL, INK, Anchor::Start);
+            y += step;
         }
         y += 12.0;
         drawing.text([x, y + 10.0], "Each halving of the error multiplies", LABEL, INK, Anchor::Start);
@@ -257,6 +258,9 @@ impl Fronts {
         }
     }
 }
+
+/// Draws the sign of a legend's entry around a place.
+type Sign = Box<dyn Fn(&mut Drawing, [f64; 2])>;
 
 fn listed(costs: &[usize]) -> String {
     costs.iter().map(|c| COSTS[*c].label).collect::<Vec<_>>().join("; ")

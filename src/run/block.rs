@@ -110,6 +110,13 @@ pub struct BlockRequest<'a> {
     pub reference: bool,
 }
 
+/// What a receiver's reference took; kept beside its values, so that one from the cache tells it too.
+#[derive(Clone, Copy, Default, serde::Serialize, serde::Deserialize)]
+struct Simulated {
+    singular: u64,
+    counters: Counters,
+}
+
 /// How a reference with shadows or bounces is sampled.
 #[derive(Clone, Copy)]
 pub struct Sampling<'a> {
@@ -136,6 +143,7 @@ impl Block {
     pub fn new(request: BlockRequest, cache: &ArrayCache) -> Self {
         let BlockRequest { scene, frame, lights, orders, image, key, sampled, reference: wanted } = request;
         let kept = key.as_ref().and_then(|key| cache.load(key)).unwrap_or_default();
+        let mut simulated: BTreeMap<usize, Simulated> = serde_json::from_value(kept.notes.clone()).unwrap_or_default();
         let mut fresh = Arrays::default();
         let mut known = |name: String, count: usize, compute: &mut dyn FnMut() -> Vec<Rgb<f64>>| {
             let values = match kept.get(&name).and_then(|flat| colours(flat, count)) {
@@ -151,19 +159,21 @@ impl Block {
             let points = receiver.area_points(frame, area_points);
             let bounds = receiver.oriented_box(frame);
             let lobe = Lobe::<f64>::new(receiver.material.wrap);
-            let mut computed = Reference::default();
+            let mut computed: Option<Reference> = None;
             let (mut irradiance, mut standard_error) = (Vec::new(), Vec::new());
             if wanted {
                 irradiance = known(format!("{index}.irradiance"), points.len(), &mut || {
-                    computed = match sampled {
+                    let values = match sampled {
                         Some(s) => reference::traced(s.transport, &points, &lobe, s.seed, s.effort()),
                         None => reference::exact(&lights, &points, &lobe, glam::DVec3::ZERO),
                     };
-                    computed.irradiance.clone()
+                    simulated.insert(index, Simulated { singular: values.singular, counters: values.counters });
+                    computed.insert(values).irradiance.clone()
                 });
                 if sampled.is_some() {
-                    standard_error =
-                        known(format!("{index}.standard_error"), points.len(), &mut || computed.standard_error.clone());
+                    standard_error = known(format!("{index}.standard_error"), points.len(), &mut || {
+                        computed.take().map_or_else(Vec::new, |computed| computed.standard_error)
+                    });
                 }
             }
             let truncated = orders
@@ -182,11 +192,9 @@ impl Block {
                 wrap: receiver.material.wrap,
                 vertices: receiver.vertex_count(),
                 points,
-                reference: Reference {
-                    irradiance,
-                    standard_error,
-                    singular: computed.singular,
-                    counters: computed.counters,
+                reference: {
+                    let Simulated { singular, counters } = simulated.get(&index).copied().unwrap_or_default();
+                    Reference { irradiance, standard_error, singular, counters }
                 },
                 truncated,
             });
@@ -204,7 +212,7 @@ impl Block {
                     Some(ViewHit { pixel, part: hit.receiver.and_then(part_of), point: hit.point, albedo: hit.albedo })
                 })
                 .collect();
-            let reference = known("view".to_owned(), hits.len(), &mut || {
+            let reference = known(format!("view{width}x{height}"), hits.len(), &mut || {
                 if let Some(s) = sampled {
                     let points: Vec<SurfacePoint> = hits.iter().map(|hit| hit.point).collect();
                     let wrap = parts.first().map_or(0.0, |part| part.wrap);
@@ -222,9 +230,13 @@ impl Block {
             });
             View { width, height, hits, reference }
         });
+        let is_news = fresh.arrays.iter().any(|(name, _)| kept.get(name).is_none());
         if let Some(key) = key
-            && fresh.arrays.len() != kept.arrays.len()
+            && is_news
         {
+            let others = kept.arrays.into_iter().filter(|(name, _)| fresh.get(name).is_none()).collect::<Vec<_>>();
+            fresh.arrays.extend(others);
+            fresh.notes = serde_json::to_value(&simulated).expect("counts are plain JSON");
             // what is not kept is computed again; a full disk shows where it matters, at the results
             if let Err(error) = cache.store(&key, &fresh) {
                 tracing::warn!("the reference was not kept: {error}");
@@ -269,18 +281,19 @@ impl Cast {
 }
 
 impl Film {
-    /// Sets a recipe up for every frame, or once in the frame in which it is frozen.
+    /// Sets a recipe up for every frame, or once in the frame in which it is frozen. `transports`: one a frame, or none where nothing
+    /// is sampled.
     pub fn cast(
         &self,
         recipe: &Recipe,
         frozen: Option<usize>,
-        transport: Option<&Transport>,
+        transports: &[Transport],
         gpu: Option<&GpuBench>,
     ) -> Result<Cast, CandidateError> {
-        let prepare = |block: &Block| block.prepare(recipe, transport, gpu);
+        let prepare = |frame: usize| self.frames[frame].prepare(recipe, transports.get(frame), gpu);
         let frames = match frozen {
-            Some(frame) => vec![prepare(&self.frames[frame])?],
-            None => self.frames.iter().map(prepare).collect::<Result<_, _>>()?,
+            Some(frame) => vec![prepare(frame)?],
+            None => (0..self.frames.len()).map(prepare).collect::<Result<_, _>>()?,
         };
         Ok(Cast { frames, frozen: frozen.is_some() })
     }

@@ -312,8 +312,15 @@ impl Stage {
         Self { tracer: Tracer::new(&TracedGeometry::of_statics(statics)), effects, why }
     }
 
+    /// Whether rays are cast: called for by the scene, or forced.
     fn is_sampled(&self) -> bool {
-        self.effects != Effects::NONE && self.tracer.triangle_count() > 0
+        self.effects != Effects::NONE
+    }
+
+    /// One a frame, where rays are cast.
+    fn transports(&self, film: &Film) -> Vec<Transport<'_>> {
+        let frames = film.frames.iter().filter(|_| self.is_sampled());
+        frames.map(|block| self.transport(&block.lights)).collect()
     }
 
     fn transport<'a>(&'a self, lights: &[crate::light::Light<f64>]) -> Transport<'a> {
@@ -339,7 +346,7 @@ impl Stage {
                 let image = picture.filter(|_| frame == picture_frame);
                 // exact references of random layouts are computed faster than they are kept
                 let keep = wanted && (self.is_sampled() || candidate.lights.instance.index.is_none());
-                let part = json!({ "frame": frame, "image": image, "orders": orders });
+                let part = json!({ "frame": frame });
                 Block::new(
                     BlockRequest {
                         scene,
@@ -423,9 +430,8 @@ fn judge(
     bench: Option<&GpuBench>,
 ) -> Result<Findings, String> {
     let recipe = recipe_of(&run.candidate, experiment.seed);
-    let transport = stage.is_sampled().then(|| stage.transport(&film.frames[0].lights));
     let cast = film
-        .cast(&recipe, run.candidate.freeze_frame(), transport.as_ref(), bench)
+        .cast(&recipe, run.candidate.freeze_frame(), &stage.transports(film), bench)
         .map_err(|error| error.to_string())?;
     let mut findings = film.judge(&recipe, &cast).map_err(|error| error.to_string())?;
     findings.effects = stage.effects.to_string();
@@ -600,7 +606,7 @@ fn images(
         let frame = picture_frame(film.frames.len());
         let Some(view) = &film.frames[frame].view else { continue };
         let reference = view.picture(&view.reference);
-        let transport = stage.is_sampled().then(|| stage.transport(&film.frames[0].lights));
+        let transports = stage.transports(&film);
         let done: Vec<(usize, Result<Option<f64>, String>)> = block
             .into_par_iter()
             .map(|index| {
@@ -608,7 +614,7 @@ fn images(
                 let recipe = recipe_of(&run.candidate, experiment.seed);
                 let picture = || -> Result<Option<f64>, String> {
                     let cast = film
-                        .cast(&recipe, run.candidate.freeze_frame(), transport.as_ref(), bench)
+                        .cast(&recipe, run.candidate.freeze_frame(), &transports, bench)
                         .map_err(|error| error.to_string())?;
                     let irradiance: Vec<Rgb<f64>> =
                         view.irradiance(cast.frame(frame)).map_err(|error| error.to_string())?;

@@ -149,7 +149,7 @@ impl<'a> Transport<'a> {
             components.push(Component::Emitters);
         }
         let surrounded = self.surroundings.max_abs() > 0.0;
-        if surrounded || (sends && !self.tracer.visibility.is_empty()) {
+        if surrounded || sends {
             components.push(Component::Directions);
         }
         components
