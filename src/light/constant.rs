@@ -31,10 +31,13 @@ impl ConstantFile {
     }
 }
 
-impl Constant<f64> {
+impl<S: Real> Constant<S> {
     pub fn relative_to<T: Real>(&self, _origin: DVec3) -> Constant<T> {
-        Constant { radiance: Rgb::of(self.radiance.to_array()) }
+        Constant { radiance: Rgb::of(self.radiance.to_double().to_array()) }
     }
+}
+
+impl Constant<f64> {
     pub fn transformed(&self, _motion: &DAffine3) -> Self {
         self.clone()
     }

@@ -40,10 +40,13 @@ impl DirectionalFile {
     }
 }
 
-impl Directional<f64> {
+impl<S: Real> Directional<S> {
     pub fn relative_to<T: Real>(&self, _origin: DVec3) -> Directional<T> {
-        Directional { towards: Vector3::of(self.towards.to_double()), irradiance: Rgb::of(self.irradiance.to_array()) }
+        Directional { towards: Vector3::of(self.towards.to_double()), irradiance: Rgb::of(self.irradiance.to_double().to_array()) }
     }
+}
+
+impl Directional<f64> {
     pub fn transformed(&self, motion: &DAffine3) -> Self {
         Self { towards: Vector3::of(motion.transform_vector3(self.towards.to_double())), ..self.clone() }
     }

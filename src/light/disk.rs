@@ -57,15 +57,18 @@ impl DiskFile {
     }
 }
 
-impl Disk<f64> {
+impl<S: Real> Disk<S> {
     pub fn relative_to<T: Real>(&self, origin: DVec3) -> Disk<T> {
         Disk {
             center: Vector3::of(self.center.to_double() - origin),
             normal: Vector3::of(self.normal.to_double()),
-            radius: T::of(self.radius),
-            radiance: Rgb::of(self.radiance.to_array()),
+            radius: T::of(self.radius.to_double()),
+            radiance: Rgb::of(self.radiance.to_double().to_array()),
         }
     }
+}
+
+impl Disk<f64> {
     pub fn transformed(&self, motion: &DAffine3) -> Self {
         Self {
             center: Vector3::of(motion.transform_point3(self.center.to_double())),

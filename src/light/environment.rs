@@ -61,6 +61,17 @@ impl EnvironmentFile {
     }
 }
 
+impl<S: Real> Environment<S> {
+    pub fn relative_to<T: Real>(&self, _origin: DVec3) -> Environment<T> {
+        Environment {
+            map: Arc::clone(&self.map),
+            map_from_world: self.map_from_world,
+            scale: self.scale,
+            sh: Box::new(self.sh.map(|c| Rgb::of(c.to_double().to_array()))),
+        }
+    }
+}
+
 impl Environment<f64> {
     /// From a map, a factor of its radiance and the rotation that brings the map to the world.
     pub fn new(map: Arc<EnvironmentMap>, scale: f64, world_from_map: DMat3) -> Self {
@@ -69,14 +80,6 @@ impl Environment<f64> {
     }
     pub fn map(&self) -> &EnvironmentMap {
         &self.map
-    }
-    pub fn relative_to<T: Real>(&self, _origin: DVec3) -> Environment<T> {
-        Environment {
-            map: Arc::clone(&self.map),
-            map_from_world: self.map_from_world,
-            scale: self.scale,
-            sh: Box::new(self.sh.map(|c| Rgb::of(c.to_array()))),
-        }
     }
     pub fn transformed(&self, motion: &DAffine3) -> Self {
         Self::new(Arc::clone(&self.map), self.scale, motion.matrix3 * self.map_from_world.transpose())

@@ -217,13 +217,6 @@ macro_rules! light_shapes {
                 vec![$((stringify!($key), $file::schema())),+]
             }
 
-            /// This light in coordinates about `origin`, rounded to the scalar `T`.
-            pub fn relative_to<T: Real>(&self, origin: DVec3) -> Light<T> {
-                match self {
-                    $(Light::$shape(shape) => Light::$shape(shape.relative_to(origin))),+
-                }
-            }
-
             /// This light moved by a rigid motion (a proper rotation, then a translation).
             pub fn transformed(&self, motion: &DAffine3) -> Self {
                 match self {
@@ -242,6 +235,15 @@ macro_rules! light_shapes {
             pub fn bounds(&self) -> Option<BoundingSphere> {
                 match self {
                     $(Light::$shape(shape) => shape.bounds()),+
+                }
+            }
+        }
+
+        impl<S: Real> Light<S> {
+            /// This light in coordinates about `origin`, rounded to the scalar `T`.
+            pub fn relative_to<T: Real>(&self, origin: DVec3) -> Light<T> {
+                match self {
+                    $(Light::$shape(shape) => Light::$shape(shape.relative_to(origin))),+
                 }
             }
         }

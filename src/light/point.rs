@@ -40,13 +40,16 @@ impl PointFile {
     }
 }
 
-impl Point<f64> {
+impl<S: Real> Point<S> {
     pub fn relative_to<T: Real>(&self, origin: DVec3) -> Point<T> {
         Point {
             position: Vector3::of(self.position.to_double() - origin),
-            intensity: Rgb::of(self.intensity.to_array()),
+            intensity: Rgb::of(self.intensity.to_double().to_array()),
         }
     }
+}
+
+impl Point<f64> {
     pub fn transformed(&self, motion: &DAffine3) -> Self {
         Self { position: Vector3::of(motion.transform_point3(self.position.to_double())), ..self.clone() }
     }

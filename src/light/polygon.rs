@@ -66,6 +66,19 @@ impl PolygonFile {
     }
 }
 
+impl<S: Real> Polygon<S> {
+    pub fn relative_to<T: Real>(&self, origin: DVec3) -> Polygon<T> {
+        let moved = |v: &Vector3<S>| Vector3::of(v.to_double() - origin);
+        Polygon {
+            vertices: self.vertices.iter().map(moved).collect(),
+            normal: Vector3::of(self.normal.to_double()),
+            center: moved(&self.center),
+            extent: T::of(self.extent.to_double()),
+            radiance: Rgb::of(self.radiance.to_double().to_array()),
+        }
+    }
+}
+
 impl Polygon<f64> {
     /// From vertices that are flat, convex and counter-clockwise as seen from the lit side.
     /// Otherwise what is wrong, and at which vertex if at one.
@@ -126,16 +139,6 @@ impl Polygon<f64> {
         })
     }
 
-    pub fn relative_to<T: Real>(&self, origin: DVec3) -> Polygon<T> {
-        let moved = |v: &Vector3<f64>| Vector3::of(v.to_double() - origin);
-        Polygon {
-            vertices: self.vertices.iter().map(moved).collect(),
-            normal: Vector3::of(self.normal.to_double()),
-            center: moved(&self.center),
-            extent: T::of(self.extent),
-            radiance: Rgb::of(self.radiance.to_array()),
-        }
-    }
     pub fn transformed(&self, motion: &DAffine3) -> Self {
         let moved = |v: &Vector3<f64>| Vector3::of(motion.transform_point3(v.to_double()));
         Self {

@@ -54,6 +54,18 @@ impl RectFile {
     }
 }
 
+impl<S: Real> Rect<S> {
+    pub fn relative_to<T: Real>(&self, origin: DVec3) -> Rect<T> {
+        Rect {
+            center: Vector3::of(self.center.to_double() - origin),
+            u: Vector3::of(self.u.to_double()),
+            v: Vector3::of(self.v.to_double()),
+            normal: Vector3::of(self.normal.to_double()),
+            radiance: Rgb::of(self.radiance.to_double().to_array()),
+        }
+    }
+}
+
 impl Rect<f64> {
     /// From the centre and half edges; `None` without area.
     pub fn new(center: DVec3, u: DVec3, v: DVec3, radiance: Rgb<f64>) -> Option<Self> {
@@ -66,15 +78,6 @@ impl Rect<f64> {
             normal: Vector3::of(cross / area),
             radiance,
         })
-    }
-    pub fn relative_to<T: Real>(&self, origin: DVec3) -> Rect<T> {
-        Rect {
-            center: Vector3::of(self.center.to_double() - origin),
-            u: Vector3::of(self.u.to_double()),
-            v: Vector3::of(self.v.to_double()),
-            normal: Vector3::of(self.normal.to_double()),
-            radiance: Rgb::of(self.radiance.to_array()),
-        }
     }
     pub fn transformed(&self, motion: &DAffine3) -> Self {
         let turned = |v: &Vector3<f64>| Vector3::of(motion.transform_vector3(v.to_double()));

@@ -50,14 +50,17 @@ impl SphereFile {
     }
 }
 
-impl Sphere<f64> {
+impl<S: Real> Sphere<S> {
     pub fn relative_to<T: Real>(&self, origin: DVec3) -> Sphere<T> {
         Sphere {
             center: Vector3::of(self.center.to_double() - origin),
-            radius: T::of(self.radius),
-            radiance: Rgb::of(self.radiance.to_array()),
+            radius: T::of(self.radius.to_double()),
+            radiance: Rgb::of(self.radiance.to_double().to_array()),
         }
     }
+}
+
+impl Sphere<f64> {
     pub fn transformed(&self, motion: &DAffine3) -> Self {
         Self { center: Vector3::of(motion.transform_point3(self.center.to_double())), ..self.clone() }
     }

@@ -52,11 +52,14 @@ impl TubeFile {
     }
 }
 
-impl Tube<f64> {
+impl<S: Real> Tube<S> {
     pub fn relative_to<T: Real>(&self, origin: DVec3) -> Tube<T> {
-        let moved = |v: &Vector3<f64>| Vector3::of(v.to_double() - origin);
-        Tube { from: moved(&self.from), to: moved(&self.to), intensity: Rgb::of(self.intensity.to_array()) }
+        let moved = |v: &Vector3<S>| Vector3::of(v.to_double() - origin);
+        Tube { from: moved(&self.from), to: moved(&self.to), intensity: Rgb::of(self.intensity.to_double().to_array()) }
     }
+}
+
+impl Tube<f64> {
     pub fn transformed(&self, motion: &DAffine3) -> Self {
         let moved = |v: &Vector3<f64>| Vector3::of(motion.transform_point3(v.to_double()));
         Self { from: moved(&self.from), to: moved(&self.to), ..self.clone() }
