@@ -200,4 +200,133 @@ fn a_forced_effect_is_simulated_as_often_as_geometry_says() {
     assert!(forced["closest_rays"] > 2048, "{forced:?}");
     assert_eq!(forced["bounces"], forced["closest_rays"]);
     assert_eq!(forced["shadow_rays"], expected);
+
+/// Files of a folder by name, sorted, hidden ones left out.
+fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let mut files: Vec<_> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|file| file.unwrap().path())
+        .map(|path| (path.file_name().unwrap().to_string_lossy().into_owned(), std::fs::read(&path).unwrap()))
+        .filter(|(name, _)| !name.starts_with('.'))
+        .collect();
+    files.sort();
+    files
+}
+
+#[test]
+fn figures_come_back_byte_for_byte_from_stored_results_alone() {
+    let folder = project();
+    let (exit, _, log) = run(folder.path(), &["run", "experiments/small.toml"]);
+    assert_eq!(exit, 0, "{log}");
+    let drawn = files(&folder.path().join("results/small/figures"));
+    for wanted in
+        ["figures.tex", "front-nrmse-ball-lamp-cpu.svg", "contact-sheet-ball-lamp-cpu.png", "cosine-by-order.csv"]
+    {
+        assert!(drawn.iter().any(|(name, _)| name == wanted), "no {wanted}");
+    }
+    // elsewhere, with nothing but results.csv and the images
+    let stored = folder.path().join("stored");
+    std::fs::create_dir_all(stored.join("images")).unwrap();
+    std::fs::copy(results(folder.path()), stored.join("results.csv")).unwrap();
+    for (name, bytes) in files(&folder.path().join("results/small/images")) {
+        std::fs::write(stored.join("images").join(name), bytes).unwrap();
+    }
+    let (exit, names, log) = run(folder.path(), &["figures", "stored"]);
+    assert_eq!(exit, 0, "{log}");
+    assert!(files(&stored.join("figures")) == drawn, "the figures differ");
+    // a figure that was spoilt is mended
+    let spoilt = stored.join("figures/cosine-by-order.svg");
+    std::fs::write(&spoilt, "spoilt").unwrap();
+    assert_eq!(run(folder.path(), &["figures", "stored", "--out", "stored/figures"]).0, 0);
+    assert!(files(&stored.join("figures")) == drawn, "the spoilt figure stays");
+    // LaTeX knows every figure
+    let names = String::from_utf8(names).unwrap();
+    let tex = String::from_utf8(drawn.iter().find(|(name, _)| name == "figures.tex").unwrap().1.clone()).unwrap();
+    assert_eq!(names.lines().count(), tex.matches("\\caption{").count());
+    assert!(names.lines().all(|name| tex.contains(&format!("{{{name}.png}}"))));
+    // into a gallery, with the command
+    let keep = ["figures", "results/small", "--keep", "cosine-by-order", "--gallery", "gallery"];
+    assert_eq!(run(folder.path(), &keep).0, 0);
+    let manifest = std::fs::read_to_string(folder.path().join("gallery/manifest.json")).unwrap();
+    assert!(manifest.contains("rigbench run experiments/small.toml"), "{manifest}");
+    let (exit, _, log) = run(folder.path(), &["figures", "stored", "--keep", "cosine-by-ordr"]);
+    assert_eq!(exit, 2);
+    assert!(log.contains("did you mean `cosine-by-order`"), "{log}");
+    assert_eq!(run(folder.path(), &["figures", "nowhere"]).0, 3);
+}
+
+#[test]
+fn two_pictures_are_measured_with_every_metric() {
+    use rigbench::picture::{LayeredImage, Picture, read_picture};
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, layer: &str, picture: Picture| {
+        let image = LayeredImage {
+            layers: vec![(layer.to_owned(), picture)],
+            key: String::new(),
+            configuration: String::new(),
+            comments: String::new(),
+        };
+        image.write(&folder.path().join(name)).unwrap();
+    };
+    let truth = Picture::from_fn(24, 16, |x, y| [1.0 + x as f32 / 24.0, 0.5 + y as f32 / 16.0, 0.25]);
+    write("truth.exr", "", truth.clone());
+    write("brighter.exr", "", truth.map(|p| p.map(|v| 1.1 * v)));
+    write("dark.exr", "", truth.map(|p| p.map(|v| 0.9 * v)));
+    write("small.exr", "", Picture::filled(24, 15, [1.0; 3]));
+    write("black.exr", "", Picture::filled(24, 16, [0.0; 3]));
+    write("named.exr", "beauty", truth.clone());
+    // the same as Radiance HDR: 8 bits of mantissa
+    let pixels: Vec<image::Rgb<f32>> = truth.pixels.iter().map(|p| image::Rgb(*p)).collect();
+    let file = std::fs::File::create(folder.path().join("truth.hdr")).unwrap();
+    image::codecs::hdr::HdrEncoder::new(file).encode(&pixels, 24, 16).unwrap();
+
+    let measure = |arguments: &[&str]| {
+        let all: Vec<&str> = ["metrics"].iter().chain(arguments).copied().chain(["--format", "json"]).collect();
+        let (exit, out, log) = run(folder.path(), &all);
+        assert_eq!(exit, 0, "{arguments:?}: {log}");
+        serde_json::from_slice::<serde_json::Value>(&out).unwrap()
+    };
+    let got = measure(&["brighter.exr", "truth.exr", "--out", "error.exr"]);
+    let value = |key: &str| got["metrics"][key].as_f64().unwrap_or_else(|| panic!("no {key}: {got}"));
+    // a tenth too bright: nrmse and bias are a tenth by definition, the largest error is a tenth of the largest value
+    for key in ["nrmse", "bias"] {
+        assert!((value(key) - 0.1).abs() < 1e-6, "{key} {}", value(key));
+    }
+    let largest = truth.pixels.iter().flatten().fold(0.0f32, |m, v| m.max(*v));
+    assert!((value("max_abs") - 0.1 * f64::from(largest)).abs() < 1e-6);
+    assert!(value("p95") <= value("max_abs") && value("p95") > value("rmse"));
+    assert!(value("flip") > 0.001 && value("flip_hdr") >= 0.001);
+    let dark = measure(&["dark.exr", "truth.exr"]);
+    assert!((dark["metrics"]["bias"].as_f64().unwrap() + 0.1).abs() < 1e-6, "the sign of the error");
+    let error = LayeredImage::read(&folder.path().join("error.exr")).unwrap();
+    let plain = error.layer("").unwrap();
+    assert!((plain.at(5, 3)[0] - 0.1 * truth.at(5, 3)[0]).abs() < 1e-6);
+    assert!(error.layer("relative_error").is_some() && error.layer("flip").is_some());
+    // a file against itself
+    let same = measure(&["truth.exr", "truth.exr"]);
+    assert!(same["metrics"].as_object().unwrap().values().all(|v| v.as_f64() == Some(0.0)), "{same}");
+    let coarse = measure(&["truth.hdr", "truth.exr"])["metrics"]["nrmse"].as_f64().unwrap();
+    assert!(coarse > 0.0 && coarse < 1.0 / 256.0, "{coarse}");
+    assert_eq!(measure(&["named.exr", "truth.exr", "--layer", "beauty"])["metrics"]["rmse"], 0.0);
+    // what has no meaning says why, and is not 0
+    let black = measure(&["truth.exr", "black.exr"]);
+    assert!(
+        black["metrics"]["nrmse"].is_null() && black["reasons"]["nrmse"].as_str().unwrap().contains("zero everywhere")
+    );
+    assert!(black["metrics"]["rmse"].as_f64().unwrap() > 0.5);
+    // the runs' own images, whose layers have names
+    write("a.exr", "candidate", truth.clone());
+    assert_eq!(read_picture(&folder.path().join("a.exr"), None).unwrap(), truth);
+    for (arguments, code, says) in [
+        (&["small.exr", "truth.exr"][..], 3, "24 x 15"),
+        (&["absent.exr", "truth.exr"], 3, "absent.exr: cannot be read"),
+        (&["truth.png", "truth.exr"], 3, "truth.png"),
+        (&["error.exr", "truth.exr", "--layer", "candidate"], 3, "no layer `candidate`"),
+        (&["truth.exr", "truth.exr", "--out", "error.png"], 2, "an .exr"),
+    ] {
+        let all: Vec<&str> = ["metrics"].iter().chain(arguments).copied().collect();
+        let (exit, _, log) = run(folder.path(), &all);
+        assert_eq!(exit, code, "{arguments:?}: {log}");
+        assert!(log.contains(says), "{arguments:?}: {log}");
+    }
 }

@@ -110,16 +110,20 @@ fn toml_files(folder: &str) -> Vec<PathBuf> {
 
 #[test]
 fn shipped_files_fit_their_schemas() {
-    for (folder, schema, least) in [
-        ("experiments", Experiment::schema(), 1),
-        ("scenes", Scene::schema(), 4),
-        ("scenes/lights", Layout::schema(), 4),
+    for (folder, schema, least, line) in [
+        ("experiments", Experiment::schema(), 1, "#:schema ../schemas/experiment.json\n"),
+        ("scenes", Scene::schema(), 4, "#:schema ../schemas/scene.json\n"),
+        ("scenes/lights", Layout::schema(), 4, "#:schema ../../schemas/lights.json\n"),
     ] {
         let files = toml_files(folder);
         assert!(files.len() >= least, "{folder}: {files:?}");
         for file in files {
             let text = std::fs::read_to_string(&file).unwrap();
             assert_eq!(misfit(&schema, &json_of(&text).unwrap()), None, "{}", file.display());
+            // the line by which editors find the schema
+            assert!(text.starts_with(line), "{} does not begin with {line}", file.display());
+            let schema = line.trim_start_matches("#:schema ").trim_end();
+            assert!(root().join(folder).join(schema).exists(), "{schema}");
         }
     }
 }

@@ -5,7 +5,9 @@
 mod completions;
 mod doctor;
 mod exit;
+mod figures;
 mod man;
+mod metrics;
 mod plan;
 mod query;
 mod run;
@@ -50,6 +52,8 @@ verbs! {
     Plan => plan,
     Run => run,
     Query => query,
+    Figures => figures,
+    Metrics => metrics,
     Doctor => doctor,
     Schema => schema,
     Completions => completions,

@@ -63,7 +63,7 @@ pub const COLUMNS: &[Column] = &[
     column("rmse", "W/m^2", Quality, "root mean square of the irradiance error over the area points and RGB"),
     column("nrmse", "", Quality, "rmse over the root mean square of the reference, the reference's noise taken out"),
     column("nrmse_clamped", "", Quality, "nrmse with negative irradiance of the candidate set to 0"),
-    column("bias", "W/m^2", Quality, "mean of candidate minus reference"),
+    column("bias", "", Quality, "mean of the candidate over the mean of the reference, minus 1"),
     column("p95", "W/m^2", Quality, "95th percentile of the absolute error"),
     column("max_abs", "W/m^2", Quality, "largest absolute error"),
     column("flip", "", Quality, "mean LDR FLIP of the picture against the reference's, at the reference's exposure"),

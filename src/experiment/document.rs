@@ -30,6 +30,11 @@ impl Override {
         [self.text.clone(), format!("{key}={string}")]
     }
 
+    /// As it stands on the command line.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
     /// How many names the key has.
     fn depth(&self) -> usize {
         let key = self.text.split('=').next().unwrap_or_default();

@@ -109,6 +109,8 @@ pub struct Claim {
 #[derive(Clone, Debug)]
 pub struct Experiment {
     pub path: PathBuf,
+    /// Changes of the command line, `key=value`, that made this of the file.
+    pub changes: Vec<String>,
     /// The folder that holds `scenes/` and `results/`; the experiment's own where no folder above it has scenes.
     pub root: PathBuf,
     pub name: String,
@@ -139,7 +141,8 @@ impl Experiment {
             let rigs = rig_definitions(tree.get_mut(), source)?;
             let file: ExperimentFile =
                 serde::Deserialize::deserialize(toml::Deserializer::from(tree)).map_err(|e| source.toml_error(&e))?;
-            Reader::new(source, rigs, &file).experiment()
+            let experiment = Reader::new(source, rigs, &file).experiment()?;
+            Ok(Self { changes: changes.iter().map(|c| c.text().to_owned()).collect(), ..experiment })
         })
     }
 
@@ -257,6 +260,7 @@ impl<'f> Reader<'f> {
         let claims = self.claims(&candidates)?;
         Ok(Experiment {
             path: source.path.clone(),
+            changes: Vec::new(),
             root: root(source.folder()).unwrap_or_else(|| source.folder().to_owned()),
             name,
             title: if file.title.is_empty() { file.name.get_ref().clone() } else { file.title.clone() },

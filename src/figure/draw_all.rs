@@ -6,10 +6,12 @@ use rayon::prelude::*;
 use super::Figure;
 use super::colour_map::ColourMap;
 use super::contact_sheet::{ContactSheet, Shown};
+use super::cosine;
 use super::curves::{CurvePoint, Curves, Quantity, Series};
 use super::dots::{Dot, DotPanel, Dots};
 use super::fronts::{COSTS, Fronts, Point};
 use super::heat_map::{ColumnGroup, HeatMap};
+use super::latex::latex;
 use super::scale::{Format, Scale};
 use super::split::{Split, SplitPanel, SplitRow};
 use super::statistics::{mean_interval, ranks, wilson};
@@ -35,7 +37,13 @@ pub fn figures_of(table: &Table, folder: &Path) -> io::Result<Vec<String>> {
     if let Some(names) = drawn_before(&target, &source) {
         return Ok(names);
     }
-    let names = draw(table, folder, &target)?;
+    redraw(table, folder, &target)
+}
+
+/// As [`figures_of`], into a folder of the caller's choice and whatever is there already. The same data give the same bytes.
+pub fn redraw(table: &Table, folder: &Path, target: &Path) -> io::Result<Vec<String>> {
+    let source = fingerprint(table, folder)?;
+    let names = draw(table, folder, target)?;
     let record = std::iter::once(&source).chain(&names).map(|line| format!("{line}\n")).collect::<String>();
     write_whole(&target.join(DRAWN), record.as_bytes())?;
     Ok(names)
@@ -43,6 +51,8 @@ pub fn figures_of(table: &Table, folder: &Path) -> io::Result<Vec<String>> {
 
 /// The file that says what the figures beside it were drawn from: a fingerprint, then the names of the figures.
 const DRAWN: &str = ".drawn";
+/// The file that includes them all in a paper.
+const LATEX: &str = "figures.tex";
 
 /// What figures depend on: this code's version, the table, and which images there are (they are named by their content's key).
 fn fingerprint(table: &Table, folder: &Path) -> io::Result<String> {
@@ -62,7 +72,7 @@ fn drawn_before(target: &Path, source: &str) -> Option<Vec<String>> {
     let mut lines = record.lines();
     let names: Vec<String> = (lines.next()? == source).then(|| lines.map(str::to_owned).collect())?;
     let there = |name: &String| ["svg", "png", "csv"].iter().all(|e| target.join(format!("{name}.{e}")).exists());
-    names.iter().all(there).then_some(names)
+    (target.join(LATEX).exists() && names.iter().all(there)).then_some(names)
 }
 
 fn draw(table: &Table, folder: &Path, target: &Path) -> io::Result<Vec<String>> {
@@ -126,15 +136,24 @@ fn draw(table: &Table, folder: &Path, target: &Path) -> io::Result<Vec<String>> 
         }
     }
 
-    let drawn: Vec<Option<String>> = jobs
+    let orders: Vec<usize> = rows.iter().filter_map(|r| r.number("order")).map(|o| o as usize).collect();
+    jobs.add(&["cosine-by-order"], move || cosine::figure(&orders));
+
+    let drawn: Vec<Option<(String, [String; 2])>> = jobs
         .0
         .into_par_iter()
         .map(|(name, job)| match job() {
-            Some(figure) => figure.write(target, &name).map(|()| Some(name)),
+            Some(figure) => figure.write(target, &name).map(|()| Some((name, figure.drawing.headings))),
             None => Ok(None),
         })
         .collect::<io::Result<_>>()?;
-    Ok(drawn.into_iter().flatten().collect())
+    let drawn: Vec<(String, [String; 2])> = drawn.into_iter().flatten().collect();
+    if !drawn.is_empty() {
+        let text =
+            latex(drawn.iter().map(|(name, [title, subtitle])| (name.as_str(), title.as_str(), subtitle.as_str())));
+        write_whole(&target.join(LATEX), text.as_bytes())?;
+    }
+    Ok(drawn.into_iter().map(|(name, _)| name).collect())
 }
 
 /// Figures to draw: a name, and what draws it where the data allow.

@@ -137,12 +137,14 @@ pub struct Drawing {
     pub height: f64,
     /// What the figure shows, for readers that cannot see it.
     pub description: String,
+    /// Title and subtitle, whole, for captions.
+    pub headings: [String; 2],
     pub items: Vec<Item>,
 }
 
 impl Drawing {
     pub fn new(width: f64, height: f64, description: impl Into<String>) -> Self {
-        Self { width, height, description: description.into(), items: Vec::new() }
+        Self { width, height, description: description.into(), headings: Default::default(), items: Vec::new() }
     }
 
     pub fn line(&mut self, points: impl Into<Vec<[f64; 2]>>, stroke: Stroke) {
@@ -168,6 +170,7 @@ impl Drawing {
 
     /// Title and subtitle at the top left, cut where the figure is too narrow for them.
     pub fn heading(&mut self, title: &str, subtitle: &str) {
+        self.headings = [title.to_owned(), subtitle.to_owned()];
         let width = self.width - 32.0;
         self.text([16.0, 30.0], fitted(title, TITLE, width), TITLE, INK, Anchor::Start);
         self.text([16.0, 51.0], fitted(subtitle, SUBTITLE, width), SUBTITLE, MUTED, Anchor::Start);

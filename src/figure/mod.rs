@@ -3,13 +3,16 @@
 
 pub mod colour_map;
 pub mod contact_sheet;
+pub mod cosine;
 pub mod curves;
 pub mod dots;
 mod draw_all;
 pub mod drawing;
 pub mod fronts;
+pub mod gallery;
 pub mod heat_map;
 pub mod label;
+mod latex;
 pub mod panel;
 mod raster;
 pub mod scale;
@@ -24,7 +27,7 @@ use std::io;
 use std::path::Path;
 
 use crate::output::write_whole;
-pub use draw_all::figures_of;
+pub use draw_all::{figures_of, redraw};
 use drawing::Drawing;
 use table::Table;
 

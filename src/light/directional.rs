@@ -42,7 +42,10 @@ impl DirectionalFile {
 
 impl<S: Real> Directional<S> {
     pub fn relative_to<T: Real>(&self, _origin: DVec3) -> Directional<T> {
-        Directional { towards: Vector3::of(self.towards.to_double()), irradiance: Rgb::of(self.irradiance.to_double().to_array()) }
+        Directional {
+            towards: Vector3::of(self.towards.to_double()),
+            irradiance: Rgb::of(self.irradiance.to_double().to_array()),
+        }
     }
 }
 

@@ -8,6 +8,7 @@ use serde::Deserialize;
 use super::{BoundingSphere, LightSample, LightShape, ShGradient, Term};
 use crate::input::{Finite, InputError, Source, Spanned, schema};
 use crate::math::{Real, Rgb, Vector3, gauss_legendre};
+use crate::picture::{Picture, picture_of};
 use crate::sh::{Lobe, MAX_COEFFICIENTS, MAX_ORDER, Rotation, ShRgb, basis};
 
 /// Light from infinity by a lat-long map: each texel radiates uniformly over its solid angle.
@@ -177,13 +178,8 @@ impl EnvironmentMap {
     /// Reads an .exr (first layer with R, G, B, or Y) or .hdr file. The error says what is wrong with it.
     pub fn load(path: &Path) -> Result<Self, String> {
         let bytes = std::fs::read(path).map_err(|e| format!("cannot be read: {e}"))?;
-        let ending = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_lowercase();
-        let (width, height, texels) = match ending.as_str() {
-            "exr" => read_exr(&bytes)?,
-            "hdr" => read_hdr(&bytes)?,
-            other => return Err(format!("a map of the kind `.{other}`; allowed: `.exr`, `.hdr`")),
-        };
-        let map = Self::new(width, height, texels)?;
+        let Picture { width, height, pixels } = picture_of(&bytes, path, None)?;
+        let map = Self::new(width, height, pixels)?;
         Ok(Self { content: blake3::hash(&bytes).to_hex().to_string(), ..map })
     }
 
@@ -498,47 +494,6 @@ impl LobeTable {
         let (low, high) = (self.values[cell], self.values[cell + 1]);
         low + (high - low) * (position - cell as f64)
     }
-}
-
-type Texels = (usize, usize, Vec<[f32; 3]>);
-
-fn read_hdr(bytes: &[u8]) -> Result<Texels, String> {
-    let image = image::load_from_memory_with_format(bytes, image::ImageFormat::Hdr)
-        .map_err(|e| format!("not a whole Radiance .hdr file: {e}"))?
-        .into_rgb32f();
-    let (width, height) = (image.width() as usize, image.height() as usize);
-    Ok((width, height, image.pixels().map(|p| p.0).collect()))
-}
-
-fn read_exr(bytes: &[u8]) -> Result<Texels, String> {
-    use exr::prelude::{ReadChannels, ReadLayers, read};
-    let image = read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .all_layers()
-        .all_attributes()
-        .non_parallel()
-        .from_buffered(std::io::Cursor::new(bytes))
-        .map_err(|e| format!("not a whole OpenEXR file: {e}"))?;
-    for layer in &image.layer_data {
-        let channel = |name: &str| {
-            let found = layer.channel_data.list.iter().find(|c| c.name.to_string() == name)?;
-            Some(found.sample_data.values_as_f32().collect::<Vec<f32>>())
-        };
-        let channels = match (channel("R"), channel("G"), channel("B"), channel("Y")) {
-            (Some(r), Some(g), Some(b), _) => [r, g, b],
-            (None, None, None, Some(y)) => [y.clone(), y.clone(), y],
-            _ => continue,
-        };
-        let (width, height) = (layer.size.width(), layer.size.height());
-        if channels.iter().any(|c| c.len() != width * height) {
-            return Err("subsampled channels; R, G and B must have every texel".to_owned());
-        }
-        let texels = (0..width * height).map(|k| [channels[0][k], channels[1][k], channels[2][k]]).collect();
-        return Ok((width, height, texels));
-    }
-    Err("no layer with the channels R, G and B, or Y".to_owned())
 }
 
 #[cfg(test)]

@@ -1,8 +1,10 @@
-//! Pictures: linear RGB images, their tone mapping, and OpenEXR files.
+//! Pictures: linear RGB images, their tone mapping, and the files that hold them.
 
+mod file;
 mod layered;
 mod tone;
 
+pub use file::{picture_of, read_picture};
 pub use layered::LayeredImage;
 pub use tone::{Exposure, linear_of_srgb, srgb_of_linear};
 

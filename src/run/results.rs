@@ -1,6 +1,7 @@
 //! results.csv and results.json: a row a run, in the order of the plan, the columns of [`COLUMNS`].
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
@@ -162,7 +163,7 @@ pub fn write(experiment: &Experiment, sweep: &Sweep, store: &Store) -> Result<()
             "no_adapter": no_adapter,
             "driver": sweep.driver,
             "threads": rayon::current_num_threads(),
-            "command": format!("rigbench run {}", experiment.path.display()),
+            "command": command_of(experiment),
         },
         "effects": effects,
         "columns": COLUMNS.iter().map(|c| json!({ "name": c.name, "unit": c.unit, "description": c.description })).collect::<Vec<_>>(),
@@ -171,6 +172,32 @@ pub fn write(experiment: &Experiment, sweep: &Sweep, store: &Store) -> Result<()
     let mut bytes = serde_json::to_vec_pretty(&document).expect("results are plain JSON");
     bytes.push(b'\n');
     write_atomic(&store.root().join("results.json"), &bytes)
+}
+
+/// The command that runs the experiment as it was run, for a shell; filters left out.
+fn command_of(experiment: &Experiment) -> String {
+    let mut command = format!("rigbench run {}", shell_word(&experiment.path.display().to_string()));
+    for change in &experiment.changes {
+        command += &format!(" --set {}", shell_word(change));
+    }
+    command
+}
+
+/// A word as a POSIX shell reads it back.
+pub fn shell_word(text: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "_-./=:,+@%".contains(c);
+    if !text.is_empty() && text.chars().all(plain) {
+        text.to_owned()
+    } else {
+        format!("'{}'", text.replace('\'', "'\\''"))
+    }
+}
+
+/// The command that made the results in a folder; empty where it is not said.
+pub fn command(folder: &Path) -> String {
+    let text = std::fs::read(folder.join("results.json")).unwrap_or_default();
+    let document: Value = serde_json::from_slice(&text).unwrap_or_default();
+    document["provenance"]["command"].as_str().unwrap_or_default().to_owned()
 }
 
 /// Numbers as numbers, words as words: names that look like numbers stay words.
