@@ -200,6 +200,7 @@ fn a_forced_effect_is_simulated_as_often_as_geometry_says() {
     assert!(forced["closest_rays"] > 2048, "{forced:?}");
     assert_eq!(forced["bounces"], forced["closest_rays"]);
     assert_eq!(forced["shadow_rays"], expected);
+}
 
 /// Files of a folder by name, sorted, hidden ones left out.
 fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
