@@ -11,6 +11,8 @@ mod evaluation;
 mod lights;
 #[path = "gpu/projection.rs"]
 mod projection;
+#[path = "gpu/query.rs"]
+mod query;
 #[path = "gpu/timing.rs"]
 mod timing;
 #[path = "gpu/volume.rs"]

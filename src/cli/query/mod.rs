@@ -1,23 +1,25 @@
 //! `rigbench query`: the reference, or a rig, at points of the user's own. The same code as the renders use.
 
+mod gpu;
+mod points;
+mod values;
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
+use self::points::read_points;
+use self::values::{Values, write_csv};
 use super::{Exit, Failure, print};
-use crate::candidate::{
-    Arithmetic, FittedRig, GpuBench, Probes, Recipe, RigStage, Surroundings, local_points, prepare,
-};
-use crate::gpu::{AdapterKind, Gpu};
-use crate::input::{InputError, Source};
+use crate::candidate::{FittedRig, RigStage, local_points};
 use crate::light::{self, Light};
 use crate::math::{Real, Rgb, Stream, StreamPurpose, Vector3};
 use crate::probe::GradientSource;
 use crate::reference;
 use crate::rig::AnyRig;
 use crate::scene::{Layout, OrientedBox, Receiver, Scene, SurfacePoint, resolve_layout, resolve_scene};
-use crate::sh::{Lobe, MAX_ORDER, Window, coefficients};
+use crate::sh::{Lobe, MAX_ORDER, Window};
 use crate::trace::{Effects, EffectsChoice, Effort, Projected, SceneFacts, Seed, TracedGeometry, Tracer, Transport};
 use crate::with_order;
 
@@ -99,20 +101,6 @@ fn parse_wrap(word: &str) -> Result<f64, String> {
     }
 }
 
-/// Points as the user gave them, and with unit normals.
-struct QueryPoints {
-    given: Vec<[f64; 6]>,
-    points: Vec<SurfacePoint>,
-}
-
-/// Values of a query in the order of its points.
-enum Values {
-    /// E and, where it is an estimate, its standard error.
-    Irradiance { value: Vec<Rgb<f64>>, error: Vec<Rgb<f64>> },
-    /// Coefficients a point (and axis), `rows[point][axis][coefficient]`, with standard errors of the same shape or none.
-    Sh { value: Vec<Vec<Vec<Rgb<f64>>>>, error: Vec<Vec<Vec<Rgb<f64>>>> },
-}
-
 impl Query {
     pub fn run(self) -> Result<Exit, Failure> {
         let mut csv = Vec::new();
@@ -148,7 +136,7 @@ fn answer(args: &Query, out: &mut dyn Write) -> Result<(), Failure> {
         seed: args.seed,
     };
     let values = match (args.backend, args.precision) {
-        (Backend::Gpu, _) => gpu_values(args, &lighting, &points.points, bounds)?,
+        (Backend::Gpu, _) => gpu::values(args, &lighting, &points.points, bounds)?,
         (Backend::Cpu, Precision::F64) => evaluate::<f64>(args, &lighting, &points.points, bounds)?,
         (Backend::Cpu, Precision::F32) => evaluate::<f32>(args, &lighting, &points.points, bounds)?,
     };
@@ -251,7 +239,8 @@ fn evaluate<T: Real>(
         (None, true) => Ok(traced_values(args, lighting, points)),
         (Some(rig), _) => {
             let bounds = bounds.expect("a rig was refused without a box");
-            rig_values::<T>(args, lighting, &rig, bounds, points)
+            let read = |fitted: &FittedRig<T>| Ok(read_rig(args, fitted, &bounds, points));
+            rig_values::<T>(args, lighting, &rig, bounds, read)
         }
     }
 }
@@ -301,36 +290,40 @@ fn traced_values(args: &Query, lighting: &Lighting, points: &[SurfacePoint]) -> 
     Values::Sh { value, error }
 }
 
-/// What a rig makes of the lights, or of traced samples of them.
+/// What a fitted rig gives at the points.
+fn read_rig<T: Real>(args: &Query, fitted: &FittedRig<T>, bounds: &OrientedBox, points: &[SurfacePoint]) -> Values {
+    let at = |position: glam::DVec3| doubles(&fitted.sh_at(Vector3::of(bounds.local(position))));
+    match args.quantity {
+        Quantity::Irradiance => {
+            let mut out = vec![Rgb::zero(); points.len()];
+            fitted.irradiance(&local_points(bounds, points), &mut out);
+            Values::Irradiance { value: doubles(&out), error: Vec::new() }
+        }
+        Quantity::Sh => {
+            let value = points.iter().map(|point| vec![at(point.position)]).collect();
+            Values::Sh { value, error: Vec::new() }
+        }
+        Quantity::ShGradient => {
+            let step = gradient_step::<T>(bounds);
+            let value = points.iter().map(|point| differences(step, |offset| at(point.position + offset))).collect();
+            Values::Sh { value, error: Vec::new() }
+        }
+    }
+}
+
+/// What a rig makes of the lights, or of traced samples of them. `read` evaluates it.
 fn rig_values<T: Real>(
     args: &Query,
     lighting: &Lighting,
     rig: &AnyRig,
     bounds: OrientedBox,
-    points: &[SurfacePoint],
+    read: impl Fn(&FittedRig<T>) -> Result<Values, Failure>,
 ) -> Result<Values, Failure> {
     let lobe = Lobe::<T>::new(args.wrap);
     let order = usize::from(args.order);
     let stage = RigStage::<T>::new(rig, bounds, order, lighting.lights, lobe, GradientSource::Analytic, Window::None);
-    let values_of = |fitted: &FittedRig<T>| -> Values {
-        match args.quantity {
-            Quantity::Irradiance => {
-                let mut out = vec![Rgb::zero(); points.len()];
-                fitted.irradiance(&local_points(&bounds, points), &mut out);
-                Values::Irradiance { value: doubles(&out), error: Vec::new() }
-            }
-            Quantity::Sh => {
-                let at = |point: &SurfacePoint| vec![doubles(&fitted.sh_at(Vector3::of(bounds.local(point.position))))];
-                Values::Sh { value: points.iter().map(at).collect(), error: Vec::new() }
-            }
-            Quantity::ShGradient => {
-                let at = |point: &SurfacePoint| rig_gradient(fitted, &bounds, point, order);
-                Values::Sh { value: points.iter().map(at).collect(), error: Vec::new() }
-            }
-        }
-    };
     if !lighting.is_sampled() {
-        return Ok(values_of(&stage.fit()));
+        return read(&stage.fit());
     }
     let transport = Transport::new(lighting.tracer, lighting.lights, lighting.effects);
     let effort = match lighting.effort {
@@ -341,125 +334,32 @@ fn rig_values<T: Real>(
             deadline,
         },
     };
-    let replicates: Vec<Values> = (0..REPLICATES)
+    let replicates = (0..REPLICATES)
         .map(|k| {
             let seed = Stream::indexed(lighting.seed, StreamPurpose::Probe, k).next_u64();
             let mut stage = stage.clone();
             stage.bake(&transport, seed, effort);
-            values_of(&stage.fit())
+            read(&stage.fit())
         })
-        .collect();
+        .collect::<Result<Vec<Values>, Failure>>()?;
     Ok(Values::mean_of(replicates))
 }
 
-impl Values {
-    /// Mean of independent estimates, and its standard error from their spread.
-    fn mean_of(replicates: Vec<Values>) -> Values {
-        let count = replicates.len() as f64;
-        let statistics = |samples: &[Rgb<f64>]| {
-            let mean = samples.iter().fold(Rgb::zero(), |sum, v| sum + *v) * (1.0 / count);
-            let spread = samples.iter().fold(Rgb::zero(), |sum, v| sum + (*v - mean) * (*v - mean));
-            let error = (spread * (1.0 / (count * (count - 1.0)))).to_array().map(f64::sqrt);
-            (mean, Rgb::from_array(error))
-        };
-        match &replicates[0] {
-            Values::Irradiance { value, .. } => {
-                let sample = |i: usize| -> Vec<Rgb<f64>> { replicates.iter().map(|v| v.irradiance()[i]).collect() };
-                let (value, error) = (0..value.len()).map(|i| statistics(&sample(i))).unzip();
-                Values::Irradiance { value, error }
-            }
-            Values::Sh { value, .. } => {
-                let pairs = value.iter().enumerate().map(|(p, axes)| {
-                    let of_axis = |a: usize, i: usize| {
-                        let samples: Vec<Rgb<f64>> = replicates.iter().map(|v| v.sh()[p][a][i]).collect();
-                        statistics(&samples)
-                    };
-                    axes.iter()
-                        .enumerate()
-                        .map(|(a, row)| (0..row.len()).map(|i| of_axis(a, i)).unzip())
-                        .unzip::<Vec<_>, Vec<_>, Vec<_>, Vec<_>>()
-                });
-                let (value, error) = pairs.unzip();
-                Values::Sh { value, error }
-            }
-        }
-    }
-
-    fn irradiance(&self) -> &[Rgb<f64>] {
-        match self {
-            Values::Irradiance { value, .. } => value,
-            Values::Sh { .. } => &[],
-        }
-    }
-
-    fn sh(&self) -> &[Vec<Vec<Rgb<f64>>>] {
-        match self {
-            Values::Sh { value, .. } => value,
-            Values::Irradiance { .. } => &[],
-        }
-    }
-}
-
-/// Irradiance on the GPU: a rig from its buffer, or every light at every point.
-fn gpu_values(
-    args: &Query,
-    lighting: &Lighting,
-    points: &[SurfacePoint],
-    bounds: Option<OrientedBox>,
-) -> Result<Values, Failure> {
-    if args.quantity != Quantity::Irradiance {
-        return Err(Failure::usage(
-            "the GPU evaluates irradiance; ask for --quantity irradiance, or for --backend cpu",
-        ));
-    }
-    if lighting.is_sampled() {
-        return Err(Failure::usage(
-            "shadows and bounces are traced on the CPU; ask for --effects none, or for --backend cpu",
-        ));
-    }
-    let gpu = Gpu::open(AdapterKind::Any).map_err(|error| Failure::new(Exit::NoGpu, error.to_string()))?;
-    let rig = match args.rig.as_deref().map(str::trim) {
-        None | Some("direct") => None,
-        Some(text) => Some(AnyRig::inline(text)?),
-    };
-    let origin = mean_position(points);
-    let recipe = Recipe {
-        rig,
-        order: usize::from(args.order),
-        gradients: GradientSource::Analytic,
-        window: Window::None,
-        probes: Probes::Analytic,
-        arithmetic: Arithmetic::GpuBuffer,
-    };
-    let around = Surroundings {
-        bounds: bounds.unwrap_or(OrientedBox::aligned(origin, origin)),
-        lights: lighting.lights,
-        wrap: args.wrap,
-        transport: None,
-    };
-    let lit = prepare(&recipe, &around, Some(&GpuBench::new(gpu))).map_err(Failure::internal)?;
-    Ok(Values::Irradiance { value: lit.irradiance(points).map_err(Failure::internal)?, error: Vec::new() })
-}
-
-/// The gradient of what a rig reconstructs, along the world's axes, by central differences in box coordinates.
-fn rig_gradient<T: Real>(
-    fitted: &FittedRig<T>,
-    bounds: &OrientedBox,
-    point: &SurfacePoint,
-    order: usize,
-) -> Vec<Vec<Rgb<f64>>> {
+/// Step of the gradient of what a rig reconstructs, metres: balances the differences' own error against rounding.
+fn gradient_step<T: Real>(bounds: &OrientedBox) -> f64 {
     let scale = bounds.half_diagonal();
-    let precision_step = if T::NAME == "f64" { RIG_GRADIENT_STEP } else { 1e-2 };
-    let step = precision_step * if scale > 0.0 { scale } else { 1.0 };
-    (0..3)
+    let share = if T::NAME == "f64" { RIG_GRADIENT_STEP } else { 1e-2 };
+    share * if scale > 0.0 { scale } else { 1.0 }
+}
+
+/// Central differences of coefficients along the world's axes; `at` gives them at an offset, metres.
+fn differences(step: f64, at: impl Fn(glam::DVec3) -> Vec<Rgb<f64>>) -> Vec<Vec<Rgb<f64>>> {
+    glam::DVec3::AXES
         .map(|axis| {
-            let mut offset = glam::DVec3::ZERO;
-            offset[axis] = step;
-            let above = fitted.sh_at(Vector3::of(bounds.local(point.position + offset)));
-            let below = fitted.sh_at(Vector3::of(bounds.local(point.position - offset)));
-            (0..coefficients(order)).map(|i| (above[i].to_double() - below[i].to_double()) * (0.5 / step)).collect()
+            let (above, below) = (at(axis * step), at(axis * -step));
+            above.into_iter().zip(below).map(|(a, b)| (a - b) * (0.5 / step)).collect()
         })
-        .collect()
+        .into()
 }
 
 fn doubles<T: Real>(values: &[Rgb<T>]) -> Vec<Rgb<f64>> {
@@ -469,118 +369,4 @@ fn doubles<T: Real>(values: &[Rgb<T>]) -> Vec<Rgb<f64>> {
 fn mean_position(points: &[SurfacePoint]) -> glam::DVec3 {
     let count = points.len().max(1) as f64;
     points.iter().map(|p| p.position / count).sum()
-}
-
-/// Reads points; every mistake is an error with its line and column.
-fn read_points(path: &Path, with_normals: bool) -> Result<QueryPoints, InputError> {
-    let source = Source::read(path)?;
-    let at = |line: u64, column: usize, message: String| InputError {
-        path: path.to_owned(),
-        place: Some((line as usize, column)),
-        message,
-        help: None,
-    };
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(source.text.as_bytes());
-    let header = reader.headers().map_err(|e| at(1, 1, format!("no CSV header: {e}")))?.clone();
-    let names: Vec<&str> = header.iter().collect();
-    let has_normals = names == ["x", "y", "z", "nx", "ny", "nz"];
-    if !(has_normals || (names == ["x", "y", "z"] && !with_normals)) {
-        let wanted = if with_normals { "x,y,z,nx,ny,nz" } else { "x,y,z or x,y,z,nx,ny,nz" };
-        return Err(at(1, 1, format!("the header is `{}`; it must be {wanted}", names.join(","))));
-    }
-    let mut read = QueryPoints { given: Vec::new(), points: Vec::new() };
-    for record in reader.records() {
-        let record = record.map_err(|e| {
-            let line = e.position().map_or(1, |p| p.line());
-            at(line, 1, format!("no CSV row: {e}"))
-        })?;
-        let line = record.position().map_or(1, csv::Position::line);
-        if record.len() != names.len() {
-            return Err(at(line, 1, format!("{} fields; the header has {}", record.len(), names.len())));
-        }
-        let mut row = [0.0; 6];
-        for (column, field) in record.iter().enumerate() {
-            row[column] = match field.parse::<f64>() {
-                Ok(value) if value.is_finite() => value,
-                Ok(value) => {
-                    return Err(at(
-                        line,
-                        column + 1,
-                        format!("field `{}` is {value}; it must be finite", names[column]),
-                    ));
-                }
-                Err(_) => {
-                    return Err(at(line, column + 1, format!("field `{}` is `{field}`, no number", names[column])));
-                }
-            };
-        }
-        let normal = if has_normals {
-            let normal = glam::DVec3::new(row[3], row[4], row[5]);
-            match Vector3::<f64>::of(normal).normalized() {
-                Some(unit) => unit.to_double(),
-                None if with_normals => return Err(at(line, 4, "a normal of zero length".to_owned())),
-                None => glam::DVec3::Z,
-            }
-        } else {
-            glam::DVec3::Z
-        };
-        read.points.push(SurfacePoint { position: glam::DVec3::new(row[0], row[1], row[2]), normal });
-        read.given.push(row);
-    }
-    Ok(read)
-}
-
-/// A number that reads back to the same value.
-fn number(value: f64) -> String {
-    format!("{value:?}")
-}
-
-fn write_csv(quantity: Quantity, points: &QueryPoints, values: &Values, out: &mut dyn Write) -> csv::Result<()> {
-    let mut writer = csv::Writer::from_writer(out);
-    let estimated = match values {
-        Values::Irradiance { error, .. } => !error.is_empty(),
-        Values::Sh { error, .. } => !error.is_empty(),
-    };
-    let mut header: Vec<&str> = match quantity {
-        Quantity::Irradiance => vec!["x", "y", "z", "nx", "ny", "nz", "r", "g", "b"],
-        Quantity::Sh => vec!["x", "y", "z", "i", "r", "g", "b"],
-        Quantity::ShGradient => vec!["x", "y", "z", "i", "axis", "r", "g", "b"],
-    };
-    if estimated {
-        header.extend(["r_se", "g_se", "b_se"]);
-    }
-    writer.write_record(&header)?;
-    let mut row: Vec<String> = Vec::with_capacity(header.len());
-    for (index, given) in points.given.iter().enumerate() {
-        match values {
-            Values::Irradiance { value, error } => {
-                row.clear();
-                row.extend(given.iter().map(|v| number(*v)));
-                row.extend(value[index].to_array().map(number));
-                if estimated {
-                    row.extend(error[index].to_array().map(number));
-                }
-                writer.write_record(&row)?;
-            }
-            Values::Sh { value, error } => {
-                for (axis, coefficients) in value[index].iter().enumerate() {
-                    for (i, coefficient) in coefficients.iter().enumerate() {
-                        row.clear();
-                        row.extend(given[..3].iter().map(|v| number(*v)));
-                        row.push(i.to_string());
-                        if quantity == Quantity::ShGradient {
-                            row.push(["x", "y", "z"][axis].to_owned());
-                        }
-                        row.extend(coefficient.to_array().map(number));
-                        if estimated {
-                            row.extend(error[index][axis][i].to_array().map(number));
-                        }
-                        writer.write_record(&row)?;
-                    }
-                }
-            }
-        }
-    }
-    writer.flush()?;
-    Ok(())
 }

@@ -1,0 +1,134 @@
+//! A sweep that is killed at any moment or interrupted: nothing that was finished is lost or computed again, and what comes out in the
+//! end is what an undisturbed sweep gives.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use assert_cmd::cargo::CommandCargoExt;
+use rigbench::math::{Stream, StreamPurpose};
+
+fn project() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    };
+    write(
+        "scenes/ball.toml",
+        "schema_version = 1\ntitle = \"ball\"\n[camera]\neye = [0, 1, 3]\ntarget = [0, 0.5, 0]\nup = [0, 1, 0]\nfov_y = 35.0\n\
+         [[object]]\nname = \"ball\"\nreceiver = true\nshape = { sphere = { center = [0, 0.5, 0], radius = 0.4 } }\n",
+    );
+    write(
+        "scenes/lights/lamp.toml",
+        "schema_version = 1\n[[light]]\nname = \"lamp\"\nsphere = { center = [0, 2, 0], radius = 1, radiance = [1, 1, 1] }\n",
+    );
+    write(
+        "scenes/lights/many.toml",
+        "schema_version = 1\n[random]\nseed = 3\nlayouts = 12\nlights = 4\nkinds = [\"sphere\", \"disk\"]\ndistance = [0.5, 2.0]\n\
+         size = [0.1, 0.3]\npower = 100.0\n",
+    );
+    write(
+        "experiments/long.toml",
+        "schema_version = 1\nname = \"long\"\ntitle = \"long\"\n[image]\nwidth = 48\nheight = 27\nkeep = \"all\"\n\
+         [timing]\nwarmup = 0\nrepeat = 2\n[matrix]\nscene = [\"ball\"]\nlights = [\"lamp\", \"many\"]\n\
+         rig = [\"constant\", \"gradient\", \"lattice\"]\norder = [3, 5]\n\
+         [rig.constant]\nconstant = {}\n[rig.gradient]\ngradient = {}\n[rig.lattice]\nlattice = { samples = [2, 2, 2] }\n",
+    );
+    folder
+}
+
+fn start(folder: &Path) -> Child {
+    let mut command = Command::cargo_bin("rigbench").expect("cargo builds the binary for its tests");
+    command.current_dir(folder).args(["run", "experiments/long.toml"]);
+    command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+/// Exit code and what it said.
+fn finish(child: Child) -> (Option<i32>, String) {
+    let output = child.wait_with_output().unwrap();
+    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+fn signal(child: &Child, name: &str) {
+    let sent = Command::new("kill").args([&format!("-{name}"), &child.id().to_string()]).status();
+    assert!(sent.unwrap().success(), "the sweep was over before it was sent {name}");
+}
+
+/// metrics.json of every finished run, by folder; those half written would not parse.
+fn finished(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let Ok(runs) = std::fs::read_dir(folder.join("results/long/runs")) else { return BTreeMap::new() };
+    let kept = runs.filter_map(|run| {
+        let run = run.unwrap().path();
+        let bytes = std::fs::read(run.join("metrics.json")).ok()?;
+        serde_json::from_slice::<serde_json::Value>(&bytes).expect("whole or not at all");
+        Some((run.file_name().unwrap().to_string_lossy().into_owned(), bytes))
+    });
+    kept.collect()
+}
+
+/// The rows of results.csv without what a clock said.
+fn rows(folder: &Path) -> Vec<BTreeMap<String, String>> {
+    let mut reader = csv::Reader::from_path(folder.join("results/long/results.csv")).unwrap();
+    let mut rows: Vec<BTreeMap<String, String>> = reader.deserialize().map(|row| row.unwrap()).collect();
+    for row in &mut rows {
+        row.retain(|column, _| !["_us", "_ns_", "pareto", "flip_hdr"].iter().any(|timed| column.contains(timed)));
+    }
+    rows
+}
+
+#[test]
+fn a_sweep_killed_at_random_moments_loses_no_finished_run() {
+    let whole = project();
+    let began = Instant::now();
+    let (exit, log) = finish(start(whole.path()));
+    let takes = began.elapsed();
+    assert_eq!(exit, Some(0), "{log}");
+    assert!(log.contains("78 runs: 78 computed, 0 cached, 0 failed"), "{log}");
+
+    let folder = project();
+    let mut stream = Stream::indexed(7, StreamPurpose::Test, u64::from(std::process::id()));
+    let mut before = BTreeMap::new();
+    for kill in 0..5 {
+        let child = start(folder.path());
+        std::thread::sleep(takes.mul_f64(stream.uniform_between(0.05, 0.6)));
+        let mut child = child;
+        child.kill().unwrap();
+        finish(child);
+        let after = finished(folder.path());
+        for (run, bytes) in &before {
+            assert_eq!(after.get(run), Some(bytes), "run {run} after kill {kill}");
+        }
+        before = after;
+    }
+    let (exit, log) = finish(start(folder.path()));
+    assert_eq!(exit, Some(0), "{log}");
+    let told = format!("78 runs: {} computed, {} cached, 0 failed", 78 - before.len(), before.len());
+    assert!(log.contains(&told), "not `{told}`: {log}");
+    assert_eq!(rows(folder.path()), rows(whole.path()));
+    // the comparison sees a difference
+    let mut other = rows(whole.path());
+    other[5].insert("nrmse".to_owned(), "0.5".to_owned());
+    assert_ne!(rows(folder.path()), other);
+}
+
+#[test]
+fn an_interrupted_sweep_says_so_and_goes_on() {
+    let folder = project();
+    let child = start(folder.path());
+    // the first finished run, then Ctrl-C
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while finished(folder.path()).is_empty() && Instant::now() < deadline {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    signal(&child, "INT");
+    let (exit, log) = finish(child);
+    assert_eq!(exit, Some(130), "{log}");
+    let kept = finished(folder.path());
+    assert!(!kept.is_empty());
+    let (exit, log) = finish(start(folder.path()));
+    assert_eq!(exit, Some(0), "{log}");
+    assert!(log.contains(&format!("{} cached, 0 failed", kept.len())), "{} kept: {log}", kept.len());
+}
