@@ -90,7 +90,7 @@ fn main() {
                         samples.push(seconds(|| bare.replay()));
                     }
                 }
-                let hits = view.cast(&camera, WIDTH, HEIGHT).hits.iter().flatten().count();
+                let hits = view.cast(&camera, WIDTH, HEIGHT).hits.len();
                 let bare_hits = bares[0].replay().iter().filter(|hit| hit.t.is_finite()).count();
                 let rate = |seconds: f64| (WIDTH * HEIGHT) as f64 / seconds / 1e6;
                 let ours = median(ours);

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use rigbench::input::{InputError, Source};
-use rigbench::scene::{Pixels, Scene};
+use rigbench::scene::{Camera, Pixels, Scene, View};
 
 fn scene(text: &str) -> Result<Scene, InputError> {
     Scene::of_source(&Source::inline("scenes/test.toml", &format!("schema_version = 1\n{text}")))
@@ -69,10 +69,11 @@ fn the_camera_sees_what_stands_before_it() {
     let mut seen = 0;
     let camera = scene.camera.unwrap();
     let raster = camera.raster(90, 60);
-    for (index, hit) in pixels.hits.iter().enumerate() {
-        let Some(hit) = hit else { continue };
+    assert!(pixels.hits.is_sorted_by_key(|hit| hit.pixel));
+    for hit in &pixels.hits {
+        let index = hit.pixel;
         seen += 1;
-        let direction = raster.direction((index % 90) as f64 + 0.5, (index / 90) as f64 + 0.5);
+        let direction = raster.direction(f64::from(index % 90) + 0.5, f64::from(index / 90) + 0.5);
         let off_the_ray = (hit.point.position - camera.eye).cross(direction.normalize()).length();
         assert!(off_the_ray < 1e-12, "{off_the_ray}");
         assert!((hit.point.position.length() - 1.0).abs() < 3e-3);
@@ -84,8 +85,39 @@ fn the_camera_sees_what_stands_before_it() {
     let rows = 30.0 * (1.0f64 / 24f64.sqrt()) / 15f64.to_radians().tan();
     let expected = std::f64::consts::PI * rows * rows;
     assert!((f64::from(seen) - expected).abs() < 0.02 * expected, "{seen} for {expected}");
-    let top = pixels.hits.iter().position(Option::is_some).unwrap() / 90;
-    assert!((top as f64 - (30.0 - rows)).abs() < 1.5);
+    let top = pixels.hits[0].pixel / 90;
+    assert!((f64::from(top) - (30.0 - rows)).abs() < 1.5);
+}
+
+#[test]
+fn no_pixel_that_sees_something_is_left_out() {
+    let text = "[[object]]\nname = \"ball\"\nreceiver = true\nshape = { sphere = { center = [0,0,0], radius = 1 } }\n";
+    let scene = scene(text).unwrap();
+    let view = View::new(&scene, 0);
+    // far, near, half out of the picture, beside it, looking away, inside
+    for (eye, target) in [
+        ([0.0, 0.0, 30.0], [0.0, 0.0, 0.0]),
+        ([1.2, 0.4, 0.9], [0.0, 0.0, 0.0]),
+        ([0.0, 0.0, 4.0], [1.3, 0.9, 0.0]),
+        ([0.0, 0.0, 4.0], [6.0, 0.0, 0.0]),
+        ([0.0, 0.0, 4.0], [0.0, 0.0, 9.0]),
+        ([0.1, 0.2, 0.3], [0.0, 0.0, 0.0]),
+    ] {
+        let [eye, target] = [eye, target].map(DVec3::from_array);
+        let camera = Camera::looking_at(eye, target, DVec3::Y, 40.0).unwrap();
+        let raster = camera.raster(90, 60);
+        let pixels = view.cast(&camera, 90, 60);
+        let mut hit = vec![false; 90 * 60];
+        pixels.hits.iter().for_each(|h| hit[h.pixel as usize] = true);
+        for (index, hit) in hit.into_iter().enumerate() {
+            let direction = raster.direction((index % 90) as f64 + 0.5, (index / 90) as f64 + 0.5).normalize();
+            let nearest = if direction.dot(-eye) > 0.0 { eye.cross(direction).length() } else { eye.length() };
+            // the tessellated ball lies between
+            if !(0.98..1.02).contains(&nearest) {
+                assert_eq!(hit, nearest < 1.0, "eye {eye}, pixel {index}, {nearest} from the centre");
+            }
+        }
+    }
 }
 
 fn shipped() -> PathBuf {

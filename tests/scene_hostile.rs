@@ -176,7 +176,7 @@ fn scene_files() {
                 assert!(point.position.is_finite() && (point.normal.length() - 1.0).abs() < 1e-9, "{point:?}");
             }
         }
-        for hit in Pixels::cast(&scene, 0, 8, 4).hits.into_iter().flatten() {
+        for hit in Pixels::cast(&scene, 0, 8, 4).hits {
             assert!(hit.point.position.is_finite() && (hit.point.normal.length() - 1.0).abs() < 1e-9, "{hit:?}");
         }
         Ok(())

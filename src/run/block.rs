@@ -13,7 +13,7 @@ use crate::math::{Irradiance, Rgb};
 use crate::metric::{self, Direction, Scored};
 use crate::picture::Picture;
 use crate::reference::{self, Reference};
-use crate::scene::{OrientedBox, Pixels, Scene, SurfacePoint};
+use crate::scene::{OrientedBox, PixelHit, Pixels, Scene, SurfacePoint};
 use crate::sh::Lobe;
 use crate::trace::{Counters, Effort, Transport};
 
@@ -203,15 +203,13 @@ impl Block {
             let pixels = Pixels::cast(scene, frame, width, height);
             let part_of =
                 |receiver: u16| parts.iter().position(|p| p.receiver == scene.receivers[receiver as usize].name);
-            let hits: Vec<ViewHit> = pixels
-                .hits
-                .iter()
-                .enumerate()
-                .filter_map(|(pixel, hit)| {
-                    let hit = (*hit)?;
-                    Some(ViewHit { pixel, part: hit.receiver.and_then(part_of), point: hit.point, albedo: hit.albedo })
-                })
-                .collect();
+            let seen = |hit: &PixelHit| ViewHit {
+                pixel: hit.pixel as usize,
+                part: hit.receiver.and_then(part_of),
+                point: hit.point,
+                albedo: hit.albedo,
+            };
+            let hits: Vec<ViewHit> = pixels.hits.iter().map(seen).collect();
             let reference = known(format!("view{width}x{height}"), hits.len(), &mut || {
                 if let Some(s) = sampled {
                     let points: Vec<SurfacePoint> = hits.iter().map(|hit| hit.point).collect();

@@ -28,6 +28,15 @@ impl Camera {
             self.forward - self.right * (0.5 * width as f64 * per_pixel) + self.up * (0.5 * height as f64 * per_pixel);
         Raster { corner, across: self.right * per_pixel, down: -self.up * per_pixel }
     }
+
+    /// Where a place of the world lies in such a picture: pixels from the left and from the top. `None` for what is not before the eye.
+    pub fn seen_at(&self, p: DVec3, width: usize, height: usize) -> Option<[f64; 2]> {
+        let per_pixel = 2.0 * (0.5 * self.fov_y).tan() / height as f64;
+        let to = p - self.eye;
+        let depth = to.dot(self.forward);
+        let [x, y] = [to.dot(self.right), -to.dot(self.up)].map(|v| v / (depth * per_pixel));
+        (depth > 1e-6 * to.length()).then_some([x + 0.5 * width as f64, y + 0.5 * height as f64])
+    }
 }
 
 /// A picture plane one metre before the eye.
@@ -59,6 +68,11 @@ mod tests {
         assert!((raster.direction(160.0, 90.0) - DVec3::NEG_Z).length() < 1e-15);
         let top = raster.direction(160.0, 0.0).normalize();
         assert!((top.y.asin().to_degrees() - 30.0).abs() < 1e-9, "{top}");
+        for [x, y] in [[12.5, 90.0], [300.25, 3.0]] {
+            let seen = camera.seen_at(camera.eye + 7.0 * raster.direction(x, y), 320, 180).unwrap();
+            assert!((seen[0] - x).abs() < 1e-9 && (seen[1] - y).abs() < 1e-9, "{seen:?}");
+        }
+        assert_eq!(camera.seen_at(DVec3::new(0.0, 0.0, 6.0), 320, 180), None);
         let right = raster.direction(320.0, 90.0);
         assert!(right.x > 0.0 && (right.x / -right.z - 320.0 / 180.0 * 30f64.to_radians().tan()).abs() < 1e-12);
         assert!(Camera::looking_at(DVec3::ONE, DVec3::ONE, DVec3::Y, 60.0).is_none());

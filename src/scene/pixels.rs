@@ -1,6 +1,7 @@
 //! What the camera sees: the points from which pictures come.
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -27,6 +28,8 @@ const TILE: usize = 8;
 /// What a pixel's ray meets first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PixelHit {
+    /// Row by row from the top left.
+    pub pixel: u32,
     /// The shading normal of the side that the camera sees.
     pub point: SurfacePoint,
     pub albedo: [f64; 3],
@@ -39,8 +42,8 @@ pub struct PixelHit {
 pub struct Pixels {
     pub width: usize,
     pub height: usize,
-    /// Row by row from the top left; `None` where the ray leaves the scene.
-    pub hits: Vec<Option<PixelHit>>,
+    /// The pixels that see a surface, in their order.
+    pub hits: Vec<PixelHit>,
 }
 
 impl Pixels {
@@ -48,7 +51,7 @@ impl Pixels {
     pub fn cast(scene: &Scene, frame: usize, width: usize, height: usize) -> Self {
         match &scene.camera {
             Some(camera) => View::new(scene, frame).cast(camera, width, height),
-            None => Self { width, height, hits: vec![None; width * height] },
+            None => Self { width, height, hits: Vec::new() },
         }
     }
 }
@@ -151,27 +154,55 @@ impl View {
     /// One ray through the middle of each pixel, in parallel over bands of rows.
     pub fn cast(&self, camera: &Camera, width: usize, height: usize) -> Pixels {
         let raster = camera.raster(width, height);
-        let mut hits = vec![None; width * height];
-        hits.par_chunks_mut((width * TILE).max(1)).enumerate().for_each(|(band, pixels)| {
-            let rows = pixels.len() / width;
-            for left in (0..width).step_by(TILE) {
-                for row in 0..rows {
-                    for column in left..(left + TILE).min(width) {
-                        let direction = raster.direction(column as f64 + 0.5, (band * TILE + row) as f64 + 0.5);
-                        pixels[row * width + column] = self.look(camera.eye, direction);
+        let [columns, rows_of_view] = self.window(camera, width, height);
+        let origin = ((camera.eye - self.center) * self.scale).as_vec3a();
+        let bands: Vec<[Vec<PixelHit>; TILE]> = (rows_of_view.start / TILE..rows_of_view.end.div_ceil(TILE))
+            .into_par_iter()
+            .map(|band| {
+                let mut rows: [Vec<PixelHit>; TILE] = Default::default();
+                for left in columns.clone().step_by(TILE) {
+                    for (row, hits) in (band * TILE..height).zip(&mut rows) {
+                        for column in left..(left + TILE).min(columns.end) {
+                            let direction = raster.direction(column as f64 + 0.5, row as f64 + 0.5);
+                            let ray = Ray::new_inf(origin, direction.as_vec3a());
+                            hits.extend(self.look(&ray, camera.eye, direction, (row * width + column) as u32));
+                        }
                     }
                 }
-            }
-        });
+                rows
+            })
+            .collect();
+        let hits = bands.into_iter().flatten().collect::<Vec<_>>().concat();
         Pixels { width, height, hits }
     }
 
-    /// The first surface along a ray (of any length): found in f32, its place refined in f64 (Möller and Trumbore 1997).
-    #[inline]
-    pub fn look(&self, eye: DVec3, direction: DVec3) -> Option<PixelHit> {
-        let ray = Ray::new_inf(((eye - self.center) * self.scale).as_vec3a(), direction.as_vec3a());
+    /// Columns and rows outside of which no ray meets anything: around the corners of the box of everything, or all of them where
+    /// a corner is not before the eye.
+    fn window(&self, camera: &Camera, width: usize, height: usize) -> [Range<usize>; 2] {
+        let bounds = self.bvh.total_aabb;
+        let corner = |k: usize| {
+            let side = |axis: usize| if k >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
+            let p = DVec3::new(f64::from(side(0)), f64::from(side(1)), f64::from(side(2))) / self.scale + self.center;
+            camera.seen_at(p, width, height)
+        };
+        match (0..8).map(corner).collect::<Option<Vec<[f64; 2]>>>() {
+            _ if self.leaves.is_empty() => [0..0, 0..0],
+            None => [0..width, 0..height],
+            Some(corners) => [(0, width), (1, height)].map(|(axis, size)| {
+                let least = corners.iter().fold(f64::INFINITY, |a, c| a.min(c[axis]));
+                let most = corners.iter().fold(f64::NEG_INFINITY, |a, c| a.max(c[axis]));
+                // a pixel's middle stands half a pixel in; one more for rounding
+                let size = size as f64;
+                (least - 1.5).clamp(0.0, size) as usize..(most + 1.5).clamp(0.0, size).ceil() as usize
+            }),
+        }
+    }
+
+    /// The first surface along a pixel's ray (of any length): found in f32, its place refined in f64 (Möller and Trumbore 1997).
+    #[inline(always)]
+    fn look(&self, ray: &Ray, eye: DVec3, direction: DVec3, pixel: u32) -> Option<PixelHit> {
         let mut hit = RayHit::none();
-        if !self.bvh.ray_traverse(ray, &mut hit, |ray, leaf| intersect(&self.leaves[leaf], ray)) {
+        if !self.bvh.ray_traverse(*ray, &mut hit, |ray, leaf| intersect(&self.leaves[leaf], ray)) {
             return None;
         }
         let VisibleTriangle { corner, edges: [ab, ac], normals, surface } = &self.triangles[hit.primitive_id as usize];
@@ -185,6 +216,7 @@ impl View {
         // opposite corner normals cancel: the face's own normal stands in
         let normal = normal.try_normalize().unwrap_or_else(|| face.normalize()) * side;
         let VisibleSurface { albedo, receiver } = self.surfaces[*surface as usize];
-        Some(PixelHit { point: SurfacePoint { position: *corner + *ab * u + *ac * v, normal }, albedo, receiver })
+        let point = SurfacePoint { position: *corner + *ab * u + *ac * v, normal };
+        Some(PixelHit { pixel, point, albedo, receiver })
     }
 }
