@@ -16,12 +16,13 @@ fn main() -> anyhow::Result<()> {
     let scene = Scene::load(Path::new(scene))?;
     let camera = scene.camera.ok_or_else(|| anyhow::anyhow!("the scene has no camera"))?;
     let pixels = Pixels::cast(&scene, frame as usize, width as usize, height as usize);
-    let image = image::RgbImage::from_fn(width, height, |x, y| {
-        let Some(hit) = &pixels.hits[(y * width + x) as usize] else { return image::Rgb([24, 26, 32]) };
+    let mut image = image::RgbImage::from_pixel(width, height, image::Rgb([24, 26, 32]));
+    for hit in &pixels.hits {
         let towards_eye = (camera.eye - hit.point.position).normalize();
         let light = 0.15 + 0.5 * hit.point.normal.dot(towards_eye).max(0.0) + 0.35 * (0.5 + 0.5 * hit.point.normal.y);
-        image::Rgb(hit.albedo.map(|a| ((a * light).clamp(0.0, 1.0).powf(1.0 / 2.2) * 255.0).round() as u8))
-    });
+        let shade = hit.albedo.map(|a| ((a * light).clamp(0.0, 1.0).powf(1.0 / 2.2) * 255.0).round() as u8);
+        image.put_pixel(hit.pixel % width, hit.pixel / width, image::Rgb(shade));
+    }
     image.save(picture)?;
     for receiver in &scene.receivers {
         let bounds = receiver.oriented_box(frame as usize);
