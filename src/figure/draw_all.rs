@@ -457,7 +457,7 @@ const CLOSE: f64 = 1.25;
 /// A family of random layouts: the errors of each rig, and how often it comes close to, and beats, the rig that keeps most vectors.
 fn family_figure(group: &Group) -> Option<Figure> {
     let matrix = Matrix::new(&group.rows);
-    let errors = matrix.values("nrmse");
+    let errors = matrix.values("interpolation_nrmse");
     let vectors = matrix.values("sh_vectors");
     let layouts = matrix.cases.len();
     let most = |r: usize| vectors[r].iter().flatten().fold(f64::NEG_INFINITY, |m: f64, v| m.max(*v));
@@ -493,7 +493,7 @@ fn family_figure(group: &Group) -> Option<Figure> {
     let largest = &matrix.names[costliest];
     let panels = vec![
         DotPanel {
-            title: "nRMSE".into(),
+            title: "nRMSE of the interpolation".into(),
             label: "median, its interval, every layout".into(),
             format: Format::Percent,
             scale: Scale::log_errors(errors.iter().flatten().flatten().copied().collect::<Vec<_>>()),
@@ -518,7 +518,7 @@ fn family_figure(group: &Group) -> Option<Figure> {
 /// Who beats whom in a family of random layouts.
 fn win_figure(group: &Group) -> Option<Figure> {
     let matrix = Matrix::new(&group.rows);
-    let errors = matrix.values("nrmse");
+    let errors = matrix.values("interpolation_nrmse");
     let n = matrix.names.len();
     if n < 2 || matrix.cases.len() < 2 {
         return None;
@@ -531,7 +531,7 @@ fn win_figure(group: &Group) -> Option<Figure> {
         HeatMap {
             title: format!("{}, {}: how often the row beats the column", group.key[0], group.key[1]),
             subtitle: format!(
-                "{} random layouts · nRMSE · {}",
+                "{} random layouts · interpolation alone · {}",
                 matrix.cases.len(),
                 machine(group.key[2], group.key[3])
             ),
