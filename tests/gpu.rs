@@ -15,6 +15,8 @@ mod projection;
 mod query;
 #[path = "gpu/timing.rs"]
 mod timing;
+#[path = "gpu/tracing.rs"]
+mod tracing;
 #[path = "gpu/volume.rs"]
 mod volume;
 

@@ -15,6 +15,7 @@ mod points;
 mod project;
 mod shader;
 mod timing;
+mod trace;
 mod volume;
 
 pub use device::{AdapterDescription, AdapterKind, Gpu, GpuError, GpuFeatures, GpuLimits, NoGpu};
@@ -24,4 +25,5 @@ pub use expression::WgslExpression;
 pub use project::{PreparedProjection, SphereProjector};
 pub use shader::ShaderText;
 pub use timing::{Sample, Timer, Timing};
+pub use trace::{ProbeEstimate, ProbeTracer};
 pub use volume::{VolumeEvaluator, VolumeFormat, VolumeShape};

@@ -163,6 +163,10 @@ impl<T: Real> Polygon<T> {
     pub fn normal(&self) -> Vector3<T> {
         self.normal
     }
+    /// Radiance of the side that emits, W sr^-1 m^-2.
+    pub fn front_radiance(&self) -> Rgb<T> {
+        self.radiance
+    }
     pub(super) fn facet(&self) -> Facet<'_, T> {
         Facet { vertices: &self.vertices, normal: self.normal, center: self.center, extent: self.extent }
     }

@@ -108,6 +108,10 @@ impl<T: Real> Rect<T> {
     pub fn normal(&self) -> Vector3<T> {
         self.normal
     }
+    /// Radiance of the side that emits, W sr^-1 m^-2.
+    pub fn front_radiance(&self) -> Rgb<T> {
+        self.radiance
+    }
     fn extent(&self) -> T {
         (self.u + self.v).length().max((self.u - self.v).length())
     }
