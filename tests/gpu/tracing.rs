@@ -15,7 +15,7 @@ use crate::on_gpu;
 const PATHS: u64 = 8192;
 const ORDER: usize = 3;
 
-/// A room of 4 x 3 x 5 m open towards +z, coloured walls, a block in it and a glowing panel under its ceiling.
+/// A room of 4 x 3 x 5 m open towards +z, coloured walls, a block and a sheet in it and a glowing panel under its ceiling.
 fn room() -> TracedGeometry {
     let wall = |r: f64, g: f64, b: f64| TracedMaterial { albedo: Rgb::new(r, g, b), emission: Rgb::zero() };
     let mut room = TracedGeometry::default();
@@ -31,6 +31,8 @@ fn room() -> TracedGeometry {
         room.add_quad(wall(0.8, 0.8, 0.3), block + out * 0.4, u * 0.4, v * 0.4);
         room.add_quad(wall(0.8, 0.8, 0.3), block - out * 0.4, v * 0.4, u * 0.4);
     }
+    // a sheet, seen and lit from both sides
+    room.add_quad(wall(0.9, 0.5, 0.9), DVec3::new(-0.4, -0.3, 0.7), DVec3::X * 1.1, DVec3::Y * 1.0);
     let glow = TracedMaterial { albedo: Rgb::splat(0.1), emission: Rgb::new(6.0, 5.0, 3.0) };
     room.add_quad(glow, DVec3::new(-0.8, 1.4, -0.7), DVec3::X * 0.5, DVec3::Z * 0.4);
     room
