@@ -17,6 +17,7 @@ pub mod sh;
 // Catalogue: what can be measured and how.
 pub mod metric;
 pub mod rig;
+pub mod volume;
 pub mod cost;
 
 // Flow: from an experiment to results.

@@ -16,6 +16,7 @@ use rigbench::sh::{Lobe, Window};
 
 fn recipe(rig: Option<&AnyRig>, order: usize, arithmetic: Arithmetic) -> Recipe {
     Recipe {
+        volume: None,
         rig: rig.cloned(),
         order,
         gradients: GradientSource::Analytic,

@@ -1,8 +1,13 @@
 //! A candidate at work: from lights and a rig to irradiance at points, on the CPU. It knows no reference.
 
 mod prepared;
+mod volume;
 
-pub use prepared::{Arithmetic, CandidateError, Counts, GpuBench, Lit, Probes, Recipe, Surroundings, Timed, prepare};
+pub use crate::probe::Probes;
+pub use prepared::{
+    Arithmetic, CandidateError, Counts, GpuBench, Lit, Recipe, Surroundings, Timed, prepare, prepare_volume,
+};
+pub use volume::Reading;
 
 use rayon::prelude::*;
 

@@ -2,6 +2,7 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use super::volume::{CpuVolume, Reading};
 use super::{FittedRig, RigStage, direct, local_points};
 use crate::cost::{Samples, seconds_of};
 use crate::gpu::{
@@ -10,32 +11,26 @@ use crate::gpu::{
 };
 use crate::light::{self, Light};
 use crate::math::{Real, Rgb, Vector3};
-use crate::probe::GradientSource;
+use crate::probe::{GradientSource, Probes};
 use crate::rig::{AnyRig, LocalPoints, Rig};
 use crate::scene::{OrientedBox, SurfacePoint};
 use crate::sh::ShVectors;
 use crate::sh::{Lobe, Window};
-use crate::trace::{Counters, Effort, Transport};
+use crate::trace::{Counters, Transport};
+use crate::volume::BakedVolume;
 
 /// How a candidate lights a receiver: everything of its configuration that changes its numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recipe {
     /// `None` is `direct`: every light at every point.
     pub rig: Option<AnyRig>,
+    /// A volume with its samples, in place of a rig.
+    pub volume: Option<Arc<BakedVolume>>,
     pub order: usize,
     pub gradients: GradientSource,
     pub window: Window,
     pub probes: Probes,
     pub arithmetic: Arithmetic,
-}
-
-/// Where probe samples come from.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Probes {
-    /// The closed form of each light, nothing blocks.
-    Analytic,
-    /// Rays through the static environment, taken ahead of time.
-    Traced { effort: Effort, seed: u64 },
 }
 
 /// Where and in what precision a candidate is evaluated.
@@ -198,6 +193,8 @@ pub enum CandidateError {
     NoGpu,
     #[error("this rig `{0}` has no volume texture; a trilinear lattice has")]
     NoTexture(&'static str),
+    #[error("a volume of the kind `{0}` is not evaluated on the GPU in this version")]
+    NoGpuVolume(&'static str),
     /// What went wrong before, where it was not this call that failed.
     #[error("{0}")]
     Earlier(String),
@@ -226,8 +223,27 @@ pub trait Timed {
     fn once(&self) -> Option<f64>;
 }
 
+/// Sets up what a receiver reads of a volume.
+pub fn prepare_volume(
+    baked: &Arc<BakedVolume>,
+    arithmetic: Arithmetic,
+    around: &Surroundings,
+    reading: Reading,
+    gpu: Option<&GpuBench>,
+) -> Result<Box<dyn Lit>, CandidateError> {
+    let _ = gpu;
+    Ok(match arithmetic {
+        Arithmetic::CpuF64 => Box::new(CpuVolume::<f64>::new(baked.clone(), around.bounds, around.wrap, reading)),
+        Arithmetic::CpuF32 => Box::new(CpuVolume::<f32>::new(baked.clone(), around.bounds, around.wrap, reading)),
+        Arithmetic::GpuBuffer | Arithmetic::GpuTexture => return Err(CandidateError::NoGpuVolume(baked.volume.key())),
+    })
+}
+
 /// Sets a recipe up.
 pub fn prepare(recipe: &Recipe, around: &Surroundings, gpu: Option<&GpuBench>) -> Result<Box<dyn Lit>, CandidateError> {
+    if let Some(baked) = &recipe.volume {
+        return prepare_volume(baked, recipe.arithmetic, around, Reading::default(), gpu);
+    }
     Ok(match (&recipe.rig, recipe.arithmetic) {
         (None, Arithmetic::CpuF64) => Box::new(Direct::<f64>::new(around)),
         (None, Arithmetic::CpuF32) => Box::new(Direct::<f32>::new(around)),
@@ -555,15 +571,15 @@ impl Timed for TimedGpu<'_> {
 
 /// Evaluation times on the CPU's monotonic clock.
 #[derive(Default)]
-struct CpuTimes(Samples);
+pub(super) struct CpuTimes(pub Samples);
 
 impl CpuTimes {
-    fn push(&mut self, seconds: f64, points: usize) {
+    pub fn push(&mut self, seconds: f64, points: usize) {
         self.0.0.push(seconds * 1e9 / points as f64);
     }
 }
 
 /// How often the points must be gone through for at least `total` evaluations.
-fn rounds(points: &[SurfacePoint], total: usize) -> usize {
+pub(super) fn rounds(points: &[SurfacePoint], total: usize) -> usize {
     total.div_ceil(points.len().max(1)).max(1)
 }

@@ -10,6 +10,7 @@ use crate::probe::GradientSource;
 use crate::rig::AnyRig;
 use crate::scene::{Layout, LayoutInstance, Scene};
 use crate::sh::Window;
+use crate::volume::Volume;
 
 /// The lights of a candidate: a layout, or one of the family that a random layout stands for.
 #[derive(Clone, Debug)]
@@ -48,6 +49,8 @@ pub enum Method {
         /// Fitted in this frame only, then carried along.
         freeze_frame: Option<usize>,
     },
+    /// Samples over the whole scene, taken ahead of time under the lights of the first frame or the frozen one.
+    Volume { volume: Arc<Volume>, freeze_frame: Option<usize> },
 }
 
 /// One configuration of the matrix, every name in it resolved. An axis without a meaning for it is `None`.
@@ -84,8 +87,16 @@ impl Candidate {
     /// The rig, but for `direct`.
     pub fn rig(&self) -> Option<&AnyRig> {
         match &self.method {
-            Method::Direct => None,
+            Method::Direct | Method::Volume { .. } => None,
             Method::Rig { rig, .. } => Some(rig),
+        }
+    }
+
+    /// The volume, where the rig is one.
+    pub fn volume(&self) -> Option<&Arc<Volume>> {
+        match &self.method {
+            Method::Volume { volume, .. } => Some(volume),
+            _ => None,
         }
     }
 
@@ -93,7 +104,7 @@ impl Candidate {
     pub fn freeze_frame(&self) -> Option<usize> {
         match self.method {
             Method::Direct => None,
-            Method::Rig { freeze_frame, .. } => freeze_frame,
+            Method::Rig { freeze_frame, .. } | Method::Volume { freeze_frame, .. } => freeze_frame,
         }
     }
 
@@ -117,9 +128,10 @@ impl Candidate {
     /// Definitions in place of their names. Members without a meaning are left out.
     fn configuration(&self) -> Value {
         let mut configuration = json!({
-            "rig": match self.rig() {
-                Some(rig) => json!(rig),
-                None => json!("direct"),
+            "rig": match &self.method {
+                Method::Rig { rig, .. } => json!(**rig),
+                Method::Volume { volume, .. } => json!(**volume),
+                Method::Direct => json!("direct"),
             },
             "freeze_frame": self.freeze_frame(),
             "order": self.order,

@@ -13,6 +13,7 @@ use crate::probe::GradientSource;
 use crate::rig::InterpolationChoice;
 use crate::rig::interpolation::{Interpolation, InterpolationFile, resolve_interpolation};
 use crate::sh::{MAX_ORDER, Window};
+use crate::volume::{Heuristic, HeuristicFile};
 
 /// Where a candidate is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
@@ -401,6 +402,20 @@ impl WordAxis for InterpolationChoice {
     }
     fn define(table: &InterpolationFile, source: &Source, span: Range<usize>) -> Result<Self, InputError> {
         resolve_interpolation(table, source, span)
+    }
+}
+
+impl WordAxis for Heuristic {
+    const AXIS: Axis = Axis::Heuristic;
+    type Table = HeuristicFile;
+    fn words() -> Vec<&'static str> {
+        Heuristic::WORDS.to_vec()
+    }
+    fn word(word: &str) -> Option<Self> {
+        Heuristic::named(word)
+    }
+    fn define(table: &HeuristicFile, source: &Source, span: Range<usize>) -> Result<Self, InputError> {
+        table.resolve(source, span)
     }
 }
 

@@ -8,13 +8,15 @@ use serde_json::Value;
 
 use super::axis::{Axis, AxisEntry};
 use super::candidate::{Candidate, Lights, Method};
-use super::definition::{Backend, Choice, LightModel, Precision, ProbeSource, Storage, Transition};
+use super::definition::{Backend, Choice, LightModel, Precision, ProbeSource, Storage, Transition, resolve};
+use super::file::Named;
 use crate::input::{InputError, Source, Spanned};
 use crate::probe::GradientSource;
 use crate::rig::interpolation::Interpolation;
 use crate::rig::{AnyRig, InterpolationChoice, Rig, RigFile};
 use crate::scene::{Layout, Scene};
 use crate::sh::Window;
+use crate::volume::{Heuristic, HeuristicFile, Lookup, Volume, VolumeFile, VolumeSetting};
 
 /// The most candidates of an experiment.
 const MOST_CANDIDATES: usize = 1_000_000;
@@ -23,10 +25,17 @@ const MOST_CANDIDATES: usize = 1_000_000;
 #[derive(Debug)]
 pub struct RigDefinition {
     pub name: Spanned<String>,
-    pub file: RigFile,
+    pub file: DefinitionFile,
     /// The table's place.
     pub span: Range<usize>,
     pub freeze_frame: Option<Spanned<usize>>,
+}
+
+/// What stands in a `[rig.NAME]`.
+#[derive(Debug)]
+pub enum DefinitionFile {
+    Rig(RigFile),
+    Volume(VolumeFile),
 }
 
 /// A layout of the matrix, or one of its random instances where the word names it.
@@ -55,6 +64,7 @@ pub struct Lists {
     pub rig: List<Option<Arc<RigDefinition>>>,
     pub order: List<usize>,
     pub interpolation: List<InterpolationChoice>,
+    pub heuristic: List<Heuristic>,
     pub light_model: List<LightModel>,
     pub probe_source: List<ProbeSource>,
     pub gradient_source: List<GradientSource>,
@@ -90,8 +100,7 @@ fn meaning(axis: Axis, draft: &Draft) -> Meaning {
             Some(ProbeSource::Traced { .. }) => Meaning::Only("semi_analytic"),
             _ => Meaning::Chosen,
         },
-        // no rig subdivides
-        Axis::Heuristic => Meaning::None,
+        Axis::Heuristic => chosen_if(rig.is_some_and(|rig| rig.heuristic.is_some())),
         Axis::Storage => {
             chosen_if(draft.backend == Some(Backend::Gpu) && rig.is_some_and(|rig| rig.filtered_by_hardware))
         }
@@ -105,8 +114,12 @@ fn meaning(axis: Axis, draft: &Draft) -> Meaning {
 /// What the axes ask of a rig.
 #[derive(Debug)]
 struct RigFacts {
-    rig: Arc<AnyRig>,
+    method: Placed,
     has_interpolation: bool,
+    /// The interpolation's word, of a rig that has one.
+    interpolation: Option<&'static str>,
+    /// The name of the heuristic in a volume's own table.
+    heuristic: Option<String>,
     asks_derivatives: bool,
     /// The GPU's texture units can do its interpolation.
     filtered_by_hardware: bool,
@@ -118,11 +131,33 @@ impl RigFacts {
         let asks_derivatives = rig.placement([1.0; 3]).iter().any(|request| request.derivatives.contains(&true));
         Self {
             has_interpolation: rig.interpolation().is_some(),
+            interpolation: rig.interpolation().map(Interpolation::key),
+            heuristic: None,
             filtered_by_hardware: matches!(rig.interpolation(), Some(Interpolation::Trilinear(_))),
             asks_derivatives,
-            rig: Arc::new(rig),
+            method: Placed::Rig(Arc::new(rig)),
         }
     }
+
+    fn of_volume(volume: Volume, heuristic: Option<&str>) -> Self {
+        Self {
+            has_interpolation: true,
+            interpolation: Some(volume.interpolation.key()),
+            heuristic: heuristic.map(str::to_owned),
+            filtered_by_hardware: volume.key() == "grid"
+                && volume.lookup == Lookup::PerPoint
+                && matches!(volume.interpolation, Interpolation::Trilinear(_)),
+            asks_derivatives: volume.takes_derivatives(),
+            method: Placed::Volume(Arc::new(volume)),
+        }
+    }
+}
+
+/// A rig about each receiver, or a volume over the scene.
+#[derive(Debug)]
+enum Placed {
+    Rig(Arc<AnyRig>),
+    Volume(Arc<Volume>),
 }
 
 /// A candidate of which the axes up to some point are chosen.
@@ -133,6 +168,8 @@ struct Draft {
     lights: Option<Arc<Lights>>,
     definition: Option<Arc<RigDefinition>>,
     rig: Option<Arc<RigFacts>>,
+    /// The matrix's interpolation and heuristic, where they take the place of the rig's own.
+    interpolation: Option<Choice<InterpolationChoice>>,
     order: Option<usize>,
     light_model: Option<LightModel>,
     probe_source: Option<ProbeSource>,
@@ -148,14 +185,15 @@ struct Draft {
 pub struct Expansion<'s> {
     source: &'s Source,
     shared: Arc<Value>,
-    rigs: HashMap<(*const RigDefinition, Option<String>), Arc<RigFacts>>,
+    heuristics: &'s Named<HeuristicFile>,
+    rigs: HashMap<(*const RigDefinition, Option<String>, Option<String>), Arc<RigFacts>>,
     instances: HashMap<(*const Scene, *const Layout), Arc<Vec<Arc<Lights>>>>,
     candidates: Vec<Candidate>,
 }
 
 impl<'s> Expansion<'s> {
-    pub fn new(source: &'s Source, shared: Arc<Value>) -> Self {
-        Self { source, shared, rigs: HashMap::new(), instances: HashMap::new(), candidates: Vec::new() }
+    pub fn new(source: &'s Source, shared: Arc<Value>, heuristics: &'s Named<HeuristicFile>) -> Self {
+        Self { source, shared, heuristics, rigs: HashMap::new(), instances: HashMap::new(), candidates: Vec::new() }
     }
 
     /// Every candidate of the lists' product, each once; `place` is where the lists stand.
@@ -251,8 +289,9 @@ impl<'s> Expansion<'s> {
                     for choice in rigs {
                         let mut next = draft.with(axis, &choice.text, |next| next.definition = choice.value.clone());
                         if let Some(definition) = &choice.value {
-                            next.rig = Some(self.rig(definition, None)?);
+                            next.rig = Some(self.rig(definition, None, None)?);
                             self.check_frame(definition, &next)?;
+                            self.check_bounds(definition, &next)?;
                         }
                         drafts.push(next);
                     }
@@ -264,21 +303,41 @@ impl<'s> Expansion<'s> {
                 match &lists.interpolation {
                     List::Open => Err(open()),
                     List::Default => {
-                        let own = draft.rig.as_ref().and_then(|facts| facts.rig.interpolation());
-                        let own = own.expect("the axis has a meaning").key();
+                        let own = draft.rig.as_ref().and_then(|facts| facts.interpolation);
+                        let own = own.expect("the axis has a meaning");
                         Ok(vec![draft.with(axis, own, |_| {})])
                     }
                     List::Values(choices) => {
                         let mut drafts = Vec::new();
                         for choice in choices {
-                            let rig = self.rig(&definition, Some(choice))?;
+                            let rig = self.rig(&definition, Some(choice), None)?;
+                            drafts.push(draft.with(axis, &choice.text, |next| {
+                                next.rig = Some(rig);
+                                next.interpolation = Some(choice.clone());
+                            }));
+                        }
+                        Ok(drafts)
+                    }
+                }
+            }
+            Axis::Heuristic => {
+                let definition = draft.definition.clone().expect("the rig is chosen before its heuristic");
+                match &lists.heuristic {
+                    List::Open => Err(open()),
+                    List::Default => {
+                        let own = draft.rig.as_ref().and_then(|facts| facts.heuristic.clone());
+                        Ok(vec![draft.with(axis, &own.expect("the axis has a meaning"), |_| {})])
+                    }
+                    List::Values(choices) => {
+                        let mut drafts = Vec::new();
+                        for choice in choices {
+                            let rig = self.rig(&definition, draft.interpolation.as_ref(), Some(choice))?;
                             drafts.push(draft.with(axis, &choice.text, |next| next.rig = Some(rig)));
                         }
                         Ok(drafts)
                     }
                 }
             }
-            Axis::Heuristic => unreachable!("no rig subdivides"),
             Axis::Order => each!(order, ("3", 3)),
             Axis::LightModel => each!(light_model, ("exact", LightModel::EXACT)),
             Axis::ProbeSource => each!(probe_source, ("analytic", ProbeSource::Analytic)),
@@ -291,21 +350,43 @@ impl<'s> Expansion<'s> {
         }
     }
 
-    /// A definition with an interpolation of the matrix in place of its own.
+    /// A definition with an interpolation and a heuristic of the matrix in place of its own.
     fn rig(
         &mut self,
         definition: &Arc<RigDefinition>,
         interpolation: Option<&Choice<InterpolationChoice>>,
+        heuristic: Option<&Choice<Heuristic>>,
     ) -> Result<Arc<RigFacts>, InputError> {
-        let key = (Arc::as_ptr(definition), interpolation.map(|choice| choice.text.clone()));
+        let text = |choice: Option<&String>| choice.cloned();
+        let key = (
+            Arc::as_ptr(definition),
+            text(interpolation.map(|choice| &choice.text)),
+            text(heuristic.map(|choice| &choice.text)),
+        );
         if let Some(known) = self.rigs.get(&key) {
             return Ok(known.clone());
         }
         let choice = interpolation.map(|choice| choice.value);
-        let rig = definition.file.resolve(self.source, definition.span.clone(), choice)?;
-        let facts = Arc::new(RigFacts::new(rig));
+        let facts = match &definition.file {
+            DefinitionFile::Rig(file) => RigFacts::new(file.resolve(self.source, definition.span.clone(), choice)?),
+            DefinitionFile::Volume(file) => {
+                let chosen = heuristic.map(|choice| &choice.value);
+                let volume =
+                    resolve_volume(file, definition.span.clone(), self.source, self.heuristics, choice, chosen)?;
+                RigFacts::of_volume(volume, file.heuristic_name())
+            }
+        };
+        let facts = Arc::new(facts);
         self.rigs.insert(key, facts.clone());
         Ok(facts)
+    }
+
+    /// A volume's box must be one of the scene.
+    fn check_bounds(&self, definition: &RigDefinition, draft: &Draft) -> Result<(), InputError> {
+        if let (Some(Placed::Volume(volume)), Some(scene)) = (draft.rig.as_ref().map(|rig| &rig.method), &draft.scene) {
+            volume.bounds.resolve(scene).map_err(|why| self.source.error(definition.span.clone(), why))?;
+        }
+        Ok(())
     }
 
     /// A frozen frame must be one of the scene's.
@@ -332,10 +413,13 @@ impl<'s> Expansion<'s> {
     fn finish(&self, draft: &Draft) -> Candidate {
         let chosen = "every axis with a meaning is chosen";
         let method = match (&draft.definition, &draft.rig) {
-            (Some(definition), Some(facts)) => Method::Rig {
-                rig: facts.rig.clone(),
-                freeze_frame: definition.freeze_frame.as_ref().map(|frame| *frame.get_ref()),
-            },
+            (Some(definition), Some(facts)) => {
+                let freeze_frame = definition.freeze_frame.as_ref().map(|frame| *frame.get_ref());
+                match &facts.method {
+                    Placed::Rig(rig) => Method::Rig { rig: rig.clone(), freeze_frame },
+                    Placed::Volume(volume) => Method::Volume { volume: volume.clone(), freeze_frame },
+                }
+            }
             _ => Method::Direct,
         };
         Candidate {
@@ -355,6 +439,22 @@ impl<'s> Expansion<'s> {
             shared: self.shared.clone(),
         }
     }
+}
+
+/// A volume's table with what the matrix puts in place of its own.
+pub fn resolve_volume(
+    file: &VolumeFile,
+    span: Range<usize>,
+    source: &Source,
+    heuristics: &Named<HeuristicFile>,
+    interpolation: Option<InterpolationChoice>,
+    heuristic: Option<&Heuristic>,
+) -> Result<Volume, InputError> {
+    let named = |name: &Spanned<String>| -> Result<Heuristic, InputError> {
+        let word = Spanned::new(name.span(), super::AxisValue::Text(name.get_ref().clone()));
+        Ok(resolve::<Heuristic>(&word, heuristics, source)?.value)
+    };
+    file.resolve(source, span, &VolumeSetting { interpolation, heuristic, named: &named })
 }
 
 impl Draft {

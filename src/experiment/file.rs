@@ -8,6 +8,7 @@ use super::axis::AxisTable;
 use super::definition::{GradientSourceFile, LightModelFile, ProbeSourceFile, TransitionFile, WindowFile};
 use crate::input::{Finite, Spanned};
 use crate::rig::interpolation::InterpolationFile;
+use crate::volume::HeuristicFile;
 
 /// Tables `[AXIS.NAME]` of an axis.
 pub type Named<V> = BTreeMap<Spanned<String>, Spanned<V>>;
@@ -27,6 +28,8 @@ pub struct ExperimentFile {
     pub matrix: Spanned<AxisTable>,
     #[serde(default)]
     pub interpolation: Named<InterpolationFile>,
+    #[serde(default)]
+    pub heuristic: Named<HeuristicFile>,
     #[serde(default)]
     pub light_model: Named<LightModelFile>,
     #[serde(default)]

@@ -34,10 +34,11 @@ use crate::rig::{InterpolationChoice, RigFile};
 use crate::scene::{Layout, Scene, resolve_layout, resolve_scene, root};
 use crate::sh::Window;
 use crate::trace::{Bounces, Effects, EffectsChoice};
+use crate::volume::{Heuristic, VolumeFile};
 use axis::{AxisEntry, entries};
 use definition::{Choice, above_zero, check_definitions, resolve, resolve_order, whole};
 use document::{Document, take_table};
-use expand::{Expansion, LayoutWord, List, Lists, RigDefinition, check_include};
+use expand::{DefinitionFile, Expansion, LayoutWord, List, Lists, RigDefinition, check_include, resolve_volume};
 use file::{EffectsMode, ExperimentFile, Named};
 use select::KnownValues;
 
@@ -193,9 +194,18 @@ fn rig_definitions(tree: &mut toml::de::DeTable<'_>, source: &Source) -> Result<
                 Some(Spanned::new(place, frame as usize))
             }
         };
-        let file = RigFile::deserialize_value(table).map_err(|e| source.toml_error(&e))?;
-        // every definition is checked, used or not
-        file.resolve(source, span.clone(), None)?;
+        let is_volume = match table.get_ref() {
+            DeValue::Table(keys) => keys.keys().any(|key| VolumeFile::KEYS.contains(&key.get_ref().as_ref())),
+            _ => false,
+        };
+        // every definition is checked, used or not; volumes once their heuristics are known
+        let file = if is_volume {
+            DefinitionFile::Volume(VolumeFile::deserialize_value(table).map_err(|e| source.toml_error(&e))?)
+        } else {
+            let file = RigFile::deserialize_value(table).map_err(|e| source.toml_error(&e))?;
+            file.resolve(source, span.clone(), None)?;
+            DefinitionFile::Rig(file)
+        };
         let name = Spanned::new(name.span(), name.into_inner().into_owned());
         definitions.push(Arc::new(RigDefinition { name, file, span, freeze_frame }));
     }
@@ -230,6 +240,12 @@ impl<'f> Reader<'f> {
     fn experiment(mut self) -> Result<Experiment, InputError> {
         let (source, file) = (self.source, self.file);
         check_definitions::<InterpolationChoice>(&file.interpolation, source)?;
+        check_definitions::<Heuristic>(&file.heuristic, source)?;
+        for definition in &self.rigs {
+            if let DefinitionFile::Volume(volume) = &definition.file {
+                resolve_volume(volume, definition.span.clone(), source, &file.heuristic, None, None)?;
+            }
+        }
         check_definitions::<LightModel>(&file.light_model, source)?;
         check_definitions::<ProbeSource>(&file.probe_source, source)?;
         check_definitions::<crate::probe::GradientSource>(&file.gradient_source, source)?;
@@ -388,7 +404,7 @@ impl<'f> Reader<'f> {
             return Err(source.error(entry.span.clone(), message));
         }
         let matrix_lists = self.lists(&matrix_entries, None)?;
-        let mut expansion = Expansion::new(source, shared);
+        let mut expansion = Expansion::new(source, shared, &self.file.heuristic);
         let mut candidates = expansion.product(&matrix_lists, &matrix.span())?;
         let mut included = Vec::new();
         for include in &self.file.include {
@@ -422,10 +438,6 @@ impl<'f> Reader<'f> {
                 })?
             };
         }
-        if let Some(heuristic) = given.iter().find(|entry| entry.axis == Axis::Heuristic) {
-            let value = &heuristic.values[0];
-            return Err(source.unknown_word(value.span(), "heuristic", &value.get_ref().to_string(), []));
-        }
         Ok(Lists {
             scene: self.list(Axis::Scene, given, matrix.map(|(e, lists)| (e, &lists.scene)), Self::scene)?,
             lights: self.list(Axis::Lights, given, matrix.map(|(e, lists)| (e, &lists.lights)), Self::layout)?,
@@ -434,6 +446,7 @@ impl<'f> Reader<'f> {
                 resolve_order(value, source)
             })?,
             interpolation: words!(Interpolation, interpolation, &file.interpolation),
+            heuristic: words!(Heuristic, heuristic, &file.heuristic),
             light_model: words!(LightModel, light_model, &file.light_model),
             probe_source: words!(ProbeSource, probe_source, &file.probe_source),
             gradient_source: words!(GradientSource, gradient_source, &file.gradient_source),

@@ -16,6 +16,7 @@ use crate::probe::GradientSource;
 use crate::rig::interpolation::interpolation_schema;
 use crate::rig::{AnyRig, InterpolationChoice};
 use crate::sh::{MAX_ORDER, Window};
+use crate::volume::{Heuristic, HeuristicFile, VolumeFile};
 
 /// A value of an axis. Words that a file may define are any; the built-in ones stand first, for editors.
 fn axis_value(axis: Axis) -> Value {
@@ -28,8 +29,7 @@ fn axis_value(axis: Axis) -> Value {
         Axis::Rig => described(text(), "a [rig.NAME] of this file, or direct: every light at every point"),
         Axis::Order => whole(1, MAX_ORDER as u64),
         Axis::Interpolation => words::<InterpolationChoice>(),
-        // no rig subdivides
-        Axis::Heuristic => Value::Bool(false),
+        Axis::Heuristic => words::<Heuristic>(),
         Axis::LightModel => words::<LightModel>(),
         Axis::ProbeSource => words::<ProbeSource>(),
         Axis::GradientSource => words::<GradientSource>(),
@@ -100,7 +100,8 @@ impl Experiment {
             ),
         ]);
         let frozen = described(whole_from(0), "fitted in this frame alone, then carried along");
-        let rig = one_key(AnyRig::schemas(), [optional("freeze_frame", frozen)]);
+        let rig =
+            one_key(AnyRig::schemas().into_iter().chain(VolumeFile::schemas()), [optional("freeze_frame", frozen)]);
         let mut name = described(text(), "names the folder under results/");
         name["pattern"] = "^[A-Za-z0-9_-][A-Za-z0-9._-]{0,99}$".into();
         let mut file = table([
@@ -113,6 +114,7 @@ impl Experiment {
             required("matrix", described(matrix(), "every axis a list; the product is the sweep")),
             optional("rig", named(rig)),
             optional("interpolation", named(interpolation_schema())),
+            optional("heuristic", named(HeuristicFile::schema())),
             optional("light_model", named(LightModelFile::schema())),
             optional("probe_source", named(ProbeSourceFile::schema())),
             optional("gradient_source", named(GradientSourceFile::schema())),

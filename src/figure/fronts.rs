@@ -36,6 +36,9 @@ pub const COSTS: &[Cost] = &[
     },
     Cost { column: "setup_us", label: "setup, each frame", short: "setup", format: Format::Unit("s"), factor: 1e-6 },
     Cost { column: "model_bytes", label: "model size", short: "model size", format: Format::Unit("B"), factor: 1.0 },
+    Cost { column: "samples", label: "samples of the volume", short: "samples", format: Format::Plain, factor: 1.0 },
+    Cost { column: "bake_s", label: "bake", short: "bake", format: Format::Unit("s"), factor: 1.0 },
+    Cost { column: "bake_rays", label: "rays of the bake", short: "rays", format: Format::Plain, factor: 1.0 },
     Cost { column: "sh_vectors", label: "SH vectors kept", short: "SH vectors", format: Format::Plain, factor: 1.0 },
 ];
 

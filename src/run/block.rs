@@ -6,16 +6,17 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 
 use super::{ArrayCache, Arrays};
-use crate::candidate::{CandidateError, Counts, GpuBench, Lit, Recipe, Surroundings, prepare};
+use crate::candidate::{CandidateError, Counts, GpuBench, Lit, Reading, Recipe, Surroundings, prepare, prepare_volume};
 use crate::experiment::{Key, ReferenceSettings};
 use crate::light::Light;
 use crate::math::{Irradiance, Rgb};
 use crate::metric::{self, Direction, Scored};
 use crate::picture::Picture;
 use crate::reference::{self, Reference};
-use crate::scene::{OrientedBox, PixelHit, Pixels, Scene, SurfacePoint};
+use crate::scene::{Mesh, OrientedBox, PixelHit, Pixels, Scene, SurfacePoint};
 use crate::sh::Lobe;
 use crate::trace::{Counters, Effort, Transport};
+use crate::volume::{BakedVolume, distance_to_triangle};
 
 /// Area points a receiver: what every number comes from.
 pub const AREA_POINTS: usize = 4096;
@@ -37,6 +38,8 @@ pub struct Part {
     pub wrap: f64,
     pub vertices: usize,
     pub points: Vec<SurfacePoint>,
+    /// World coordinates.
+    pub mesh: Option<Mesh>,
     pub reference: Reference,
     /// By order: irradiance from SH that is exact at every point.
     pub truncated: BTreeMap<usize, Vec<Rgb<f64>>>,
@@ -125,6 +128,11 @@ pub struct Sampling<'a> {
     pub seed: u64,
 }
 
+/// Irradiance under this share of the mean is dark.
+const DARK_SHARE: f64 = 0.01;
+/// Distances to static geometry are measured one triangle after the other, up to so many.
+const MOST_STATICS: usize = 10_000;
+
 /// Paths a pixel of a sampled picture; pictures may be noisier than the numbers.
 const PICTURE_PATHS: u64 = 64;
 
@@ -192,6 +200,7 @@ impl Block {
                 wrap: receiver.material.wrap,
                 vertices: receiver.vertex_count(),
                 points,
+                mesh: receiver.world_mesh(frame),
                 reference: {
                     let Simulated { singular, counters } = simulated.get(&index).copied().unwrap_or_default();
                     Reference { irradiance, standard_error, singular, counters }
@@ -250,11 +259,30 @@ impl Block {
         transport: Option<&Transport>,
         gpu: Option<&GpuBench>,
     ) -> Result<Vec<Box<dyn Lit>>, CandidateError> {
+        self.prepare_after(recipe, transport, gpu, &[])
+    }
+
+    /// The same, after frames in which the receivers' boxes were these.
+    fn prepare_after(
+        &self,
+        recipe: &Recipe,
+        transport: Option<&Transport>,
+        gpu: Option<&GpuBench>,
+        before: &[Vec<OrientedBox>],
+    ) -> Result<Vec<Box<dyn Lit>>, CandidateError> {
         self.parts
             .iter()
-            .map(|part| {
+            .enumerate()
+            .map(|(index, part)| {
                 let around = Surroundings { bounds: part.bounds, lights: &self.lights, wrap: part.wrap, transport };
-                prepare(recipe, &around, gpu)
+                match &recipe.volume {
+                    Some(baked) => {
+                        let before: Vec<OrientedBox> = before.iter().map(|boxes| boxes[index]).collect();
+                        let reading = Reading { mesh: part.mesh.as_ref(), before: &before };
+                        prepare_volume(baked, recipe.arithmetic, &around, reading, gpu)
+                    }
+                    None => prepare(recipe, &around, gpu),
+                }
             })
             .collect()
     }
@@ -288,7 +316,13 @@ impl Film {
         transports: &[Transport],
         gpu: Option<&GpuBench>,
     ) -> Result<Cast, CandidateError> {
-        let prepare = |frame: usize| self.frames[frame].prepare(recipe, transports.get(frame), gpu);
+        // a volume stays where it is, and objects move through it: what is frozen is its bake
+        let frozen = frozen.filter(|_| recipe.volume.is_none());
+        let boxes: Vec<Vec<OrientedBox>> =
+            self.frames.iter().map(|block| block.parts.iter().map(|part| part.bounds).collect()).collect();
+        let prepare = |frame: usize| {
+            self.frames[frame].prepare_after(recipe, transports.get(frame), gpu, &boxes[..frame])
+        };
         let frames = match frozen {
             Some(frame) => vec![prepare(frame)?],
             None => (0..self.frames.len()).map(prepare).collect::<Result<_, _>>()?,
@@ -296,9 +330,15 @@ impl Film {
         Ok(Cast { frames, frozen: frozen.is_some() })
     }
 
-    /// Every metric of a candidate that was set up: all frames and receivers pooled, and each.
-    pub fn judge(&self, recipe: &Recipe, cast: &Cast) -> Result<Findings, CandidateError> {
-        let order = recipe.rig.is_some().then_some(recipe.order);
+    /// Every metric of a candidate that was set up: all frames and receivers pooled, and each. `statics` are the triangles of the
+    /// static environment, for errors by distance to it.
+    pub fn judge(
+        &self,
+        recipe: &Recipe,
+        cast: &Cast,
+        statics: &[[glam::DVec3; 3]],
+    ) -> Result<Findings, CandidateError> {
+        let order = (recipe.rig.is_some() || recipe.volume.is_some()).then_some(recipe.order);
         let values: Vec<Vec<Vec<Rgb<f64>>>> = self
             .frames
             .iter()
@@ -324,6 +364,10 @@ impl Film {
             vertices: first.parts.iter().map(|p| p.vertices as u64).sum(),
             ..Findings::default()
         };
+        findings.pooled.values.extend(self.leak(&values).map(|leak| ("leak".to_owned(), leak)));
+        if let Some(baked) = &recipe.volume {
+            findings.pooled.values.extend(self.of_volume(baked, &values, statics));
+        }
         if first.parts.len() > 1 {
             for (index, part) in first.parts.iter().enumerate() {
                 let chosen: Vec<(usize, usize)> = (0..self.frames.len()).map(|f| (f, index)).collect();
@@ -338,6 +382,95 @@ impl Film {
             findings.pooled.values.insert("jump".to_owned(), self.jump(&values));
         }
         Ok(findings)
+    }
+
+    /// Points with what a candidate gave and what is true there.
+    fn answers<'v>(
+        &'v self,
+        values: &'v [Vec<Vec<Rgb<f64>>>],
+    ) -> impl Iterator<Item = (&'v SurfacePoint, Rgb<f64>, Rgb<f64>)> {
+        self.frames.iter().zip(values).flat_map(|(block, values)| {
+            block.parts.iter().zip(values).flat_map(|(part, values)| {
+                part.points.iter().zip(values).zip(&part.reference.irradiance).map(|((p, v), r)| (p, *v, *r))
+            })
+        })
+    }
+
+    /// Energy where none belongs: the candidate's mean irradiance where the reference is under 1 % of its mean, over that where it is
+    /// not. None where no point is so dark, or all are.
+    fn leak(&self, values: &[Vec<Vec<Rgb<f64>>>]) -> Option<f64> {
+        let level = |e: Rgb<f64>| (e.r + e.g + e.b) / 3.0;
+        let (mut total, mut count) = (0.0, 0usize);
+        for (_, _, truth) in self.answers(values) {
+            total += level(truth);
+            count += 1;
+        }
+        let dark = DARK_SHARE * total / count.max(1) as f64;
+        let mut sums = [(0.0, 0usize); 2];
+        for (_, value, truth) in self.answers(values) {
+            let sum = &mut sums[usize::from(level(truth) < dark)];
+            sum.0 += level(value);
+            sum.1 += 1;
+        }
+        let [(lit, lit_count), (leaked, dark_count)] = sums;
+        let few = DARK_SHARE * count as f64;
+        (dark_count as f64 > few && lit_count as f64 > few && lit > 0.0)
+            .then(|| leaked / dark_count as f64 * lit_count as f64 / lit)
+    }
+
+    /// What a volume is and how it errs where volumes do, by column.
+    fn of_volume(
+        &self,
+        baked: &BakedVolume,
+        values: &[Vec<Vec<Rgb<f64>>>],
+        statics: &[[glam::DVec3; 3]],
+    ) -> BTreeMap<String, f64> {
+        let counts = &baked.counts;
+        let mut found = BTreeMap::from([
+            ("samples".to_owned(), counts.samples as f64),
+            ("samples_taken".to_owned(), counts.taken as f64),
+            ("samples_inside".to_owned(), counts.inside as f64),
+            ("floats".to_owned(), baked.floats() as f64),
+            ("bake_s".to_owned(), counts.seconds),
+            ("bake_rays".to_owned(), (counts.rays.rays() + counts.depth_rays) as f64),
+        ]);
+        if let Some(jump) = baked.face_jump() {
+            found.insert("face_jump".to_owned(), jump.all);
+            found.insert("level_jump".to_owned(), jump.between_levels);
+        }
+        if counts.rays.gradient_terms > 0 {
+            let share = counts.rays.clamped_gradients as f64 / counts.rays.gradient_terms as f64;
+            found.insert("clamped_share".to_owned(), share);
+        }
+        // errors of some of the points, over what is true there
+        let nrmse_where = |chosen: &dyn Fn(usize, &SurfacePoint) -> bool| {
+            let (error, truth): (Vec<Rgb<f64>>, Vec<Rgb<f64>>) = self
+                .answers(values)
+                .enumerate()
+                .filter(|(index, (point, ..))| chosen(*index, point))
+                .map(|(_, (_, value, truth))| (value - truth, truth))
+                .unzip();
+            let scale = metric::rms(&truth);
+            (scale > 0.0).then(|| metric::rms(&error) / scale)
+        };
+        let at_boundary = baked.level_boundaries();
+        if let Some(error) = nrmse_where(&|_, point| at_boundary(point.position)) {
+            found.insert("boundary_nrmse".to_owned(), error);
+        }
+        if !statics.is_empty() && statics.len() <= MOST_STATICS {
+            let places: Vec<glam::DVec3> = self.answers(values).map(|(point, ..)| point.position).collect();
+            let clearance: Vec<f64> = places
+                .par_iter()
+                .map(|place| statics.iter().map(|t| distance_to_triangle(*place, t)).fold(f64::INFINITY, f64::min))
+                .collect();
+            let mut sorted = clearance.clone();
+            sorted.sort_unstable_by(f64::total_cmp);
+            let near = sorted[sorted.len() / 4];
+            if let Some(error) = nrmse_where(&|index, _| clearance[index] <= near) {
+                found.insert("near_nrmse".to_owned(), error);
+            }
+        }
+        found
     }
 
     /// What the references simulated.

@@ -1,6 +1,7 @@
 //! The run store: what was computed, kept by content, and what has to be computed again and why.
 
 mod arrays;
+mod bakery;
 mod block;
 pub mod claims;
 mod disk;

@@ -6,6 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use rayon::prelude::*;
 use serde_json::json;
 
+use super::bakery::Bakery;
 use super::block::{Block, BlockRequest, Film, Findings, Sampling};
 use super::progress::Progress;
 use super::timing::{Times, time_block};
@@ -101,6 +102,7 @@ pub enum SweepError {
 pub fn recipe_of(candidate: &Candidate, seed: u64) -> Recipe {
     Recipe {
         rig: candidate.rig().cloned(),
+        volume: None,
         order: candidate.order.unwrap_or(3),
         gradients: candidate.gradient_source.unwrap_or(GradientSource::Analytic),
         window: candidate.window.unwrap_or(Window::None),
@@ -173,9 +175,10 @@ pub fn sweep(
     }
     let cache = ArrayCache::at(&experiment.cache_folder());
     let bench = bench.as_ref();
-    let mut interrupted = numbers(experiment, &mut runs, store, &cache, bench, &adapter, options)?;
+    let bakery = Bakery::default();
+    let mut interrupted = numbers(experiment, &mut runs, store, &cache, &bakery, bench, &adapter, options)?;
     if !interrupted {
-        interrupted = times(experiment, &mut runs, store, &cache, bench, &driver)?;
+        interrupted = times(experiment, &mut runs, store, &cache, &bakery, bench, &driver)?;
     }
     fronts(&mut runs);
     let finished: Vec<(Key, Record)> = runs
@@ -189,7 +192,7 @@ pub fn sweep(
         store.write_index(&finished)?;
     }
     if !interrupted {
-        interrupted = images(experiment, &mut runs, store, &cache, bench)?;
+        interrupted = images(experiment, &mut runs, store, &cache, &bakery, bench)?;
     }
     Ok(Sweep { runs, interrupted, adapter, driver })
 }
@@ -218,6 +221,7 @@ fn numbers(
     runs: &mut [Run],
     store: &Store,
     cache: &ArrayCache,
+    bakery: &Bakery,
     bench: Option<&GpuBench>,
     adapter: &Option<Result<String, String>>,
     options: SweepOptions,
@@ -258,12 +262,18 @@ fn numbers(
         // the CPU's candidates beside one another, the GPU's one after the other
         let (on_gpu, on_cpu): (Vec<usize>, Vec<usize>) =
             todo.into_iter().partition(|i| runs[*i].candidate.backend == Backend::Gpu);
-        let judge = |run: &Run| -> Result<Ending, StoreError> {
-            compute(experiment, run, &stage, &film, store, bench, options.force)
+        // volumes first, one after the other: each bake takes all threads
+        let recipes: HashMap<usize, Result<Recipe, String>> = on_cpu
+            .iter()
+            .chain(&on_gpu)
+            .map(|index| (*index, stage.recipe(experiment, &runs[*index].candidate, &film, bakery)))
+            .collect();
+        let judge = |index: usize| -> Result<Ending, StoreError> {
+            compute(&runs[index], &recipes[&index], &stage, &film, store, bench, options.force)
         };
         let mut endings: Vec<(usize, Result<Ending, StoreError>)> =
-            on_cpu.into_par_iter().map(|index| (index, judge(&runs[index]))).collect();
-        endings.extend(on_gpu.into_iter().map(|index| (index, judge(&runs[index]))));
+            on_cpu.into_par_iter().map(|index| (index, judge(index))).collect();
+        endings.extend(on_gpu.into_iter().map(|index| (index, judge(index))));
         endings.sort_by_key(|(index, _)| *index);
         for (index, ending) in endings {
             let ending = ending?;
@@ -291,7 +301,7 @@ fn findings_of(record: Record) -> Option<Findings> {
 }
 
 fn orders_of<'c>(candidates: impl Iterator<Item = &'c Candidate>) -> Vec<usize> {
-    let mut orders: Vec<usize> = candidates.filter_map(|c| c.rig().and(c.order)).collect();
+    let mut orders: Vec<usize> = candidates.filter_map(|c| c.order).collect();
     orders.sort_unstable();
     orders.dedup();
     orders
@@ -321,6 +331,19 @@ impl Stage {
     fn transports(&self, film: &Film) -> Vec<Transport<'_>> {
         let frames = film.frames.iter().filter(|_| self.is_sampled());
         frames.map(|block| self.transport(&block.lights)).collect()
+    }
+
+    /// The recipe of a candidate, with its volume.
+    fn recipe(
+        &self,
+        experiment: &Experiment,
+        candidate: &Candidate,
+        film: &Film,
+        bakery: &Bakery,
+    ) -> Result<Recipe, String> {
+        let lights = &film.frames[candidate.freeze_frame().unwrap_or(0)].lights;
+        let transport = self.is_sampled().then(|| self.transport(lights));
+        bakery.stock(recipe_of(candidate, experiment.seed), candidate, lights, transport.as_ref())
     }
 
     fn transport<'a>(&'a self, lights: &[crate::light::Light<f64>]) -> Transport<'a> {
@@ -377,8 +400,8 @@ fn picture_frame(frames: usize) -> usize {
 
 /// Computes one run and keeps it; whatever happens inside is the run's own failure.
 fn compute(
-    experiment: &Experiment,
     run: &Run,
+    recipe: &Result<Recipe, String>,
     stage: &Stage,
     film: &Film,
     store: &Store,
@@ -396,7 +419,7 @@ fn compute(
         Claim::Busy => return Ok(Ending::Open),
     };
     writer.log(&run.candidate.label())?;
-    let judged = catch_unwind(AssertUnwindSafe(|| judge(experiment, run, stage, film, bench)));
+    let judged = catch_unwind(AssertUnwindSafe(|| judge(run, recipe, stage, film, bench)));
     match judged {
         Ok(Ok(findings)) => {
             for (metric, why) in &findings.pooled.reasons {
@@ -423,17 +446,17 @@ fn compute(
 }
 
 fn judge(
-    experiment: &Experiment,
     run: &Run,
+    recipe: &Result<Recipe, String>,
     stage: &Stage,
     film: &Film,
     bench: Option<&GpuBench>,
 ) -> Result<Findings, String> {
-    let recipe = recipe_of(&run.candidate, experiment.seed);
+    let recipe = recipe.as_ref().map_err(Clone::clone)?;
     let cast = film
-        .cast(&recipe, run.candidate.freeze_frame(), &stage.transports(film), bench)
+        .cast(recipe, run.candidate.freeze_frame(), &stage.transports(film), bench)
         .map_err(|error| error.to_string())?;
-    let mut findings = film.judge(&recipe, &cast).map_err(|error| error.to_string())?;
+    let mut findings = film.judge(recipe, &cast, stage.tracer.triangles()).map_err(|error| error.to_string())?;
     findings.effects = stage.effects.to_string();
     findings.effects_why = stage.why.clone();
     let counters = film.counters() + findings.counts.rays;
@@ -465,6 +488,7 @@ fn times(
     runs: &mut [Run],
     store: &Store,
     cache: &ArrayCache,
+    bakery: &Bakery,
     bench: Option<&GpuBench>,
     driver: &Option<String>,
 ) -> Result<bool, SweepError> {
@@ -501,7 +525,13 @@ fn times(
         let film = stage.film(experiment, first, Vec::new(), None, false, cache);
         let frame = &film.frames[first.freeze_frame().unwrap_or(0)];
         let transport = stage.is_sampled().then(|| stage.transport(&frame.lights));
-        let recipes: Vec<Recipe> = block.iter().map(|i| recipe_of(&runs[*i].candidate, experiment.seed)).collect();
+        let recipe = |i: &usize| stage.recipe(experiment, &runs[*i].candidate, &film, bakery);
+        let stocked: Vec<Result<Recipe, String>> = block.iter().map(recipe).collect();
+        for (index, why) in block.iter().zip(&stocked).filter_map(|(i, recipe)| Some((*i, recipe.as_ref().err()?))) {
+            progress.say(&format!("not timed: {}: {why}", runs[index].candidate.label()));
+        }
+        let block: Vec<usize> = block.iter().zip(&stocked).filter(|(_, r)| r.is_ok()).map(|(i, _)| *i).collect();
+        let recipes: Vec<Recipe> = stocked.into_iter().flatten().collect();
         let label = format!("{} {}", first.scene.name, first.lights.name());
         let timed = time_block(
             frame,
@@ -563,6 +593,7 @@ fn images(
     runs: &mut [Run],
     store: &Store,
     cache: &ArrayCache,
+    bakery: &Bakery,
     bench: Option<&GpuBench>,
 ) -> Result<bool, SweepError> {
     let mut one_of_each_rig: std::collections::HashSet<String> = Default::default();
@@ -607,12 +638,17 @@ fn images(
         let Some(view) = &film.frames[frame].view else { continue };
         let reference = view.picture(&view.reference);
         let transports = stage.transports(&film);
+        let recipes: HashMap<usize, Result<Recipe, String>> = block
+            .iter()
+            .map(|index| (*index, stage.recipe(experiment, &runs[*index].candidate, &film, bakery)))
+            .collect();
         let done: Vec<(usize, Result<Option<f64>, String>)> = block
             .into_par_iter()
             .map(|index| {
                 let run = &runs[index];
-                let recipe = recipe_of(&run.candidate, experiment.seed);
+                let recipe = recipes[&index].clone();
                 let picture = || -> Result<Option<f64>, String> {
+                    let recipe = recipe?;
                     let cast = film
                         .cast(&recipe, run.candidate.freeze_frame(), &transports, bench)
                         .map_err(|error| error.to_string())?;

@@ -20,5 +20,5 @@ pub use effects::{Bounces, Effects, EffectsChoice, SceneFacts};
 pub use estimate::{Effort, Estimate, Projected, Seed};
 pub use gather::SILHOUETTE_COSINE;
 pub use geometry::{TracedGeometry, TracedMaterial};
-pub use transport::{Tracer, Transport};
+pub use transport::{Sight, Tracer, Transport};
 pub use visibility::{Hit, Visibility};

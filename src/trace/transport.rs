@@ -24,6 +24,7 @@ const JUMP: f64 = 1e-4;
 #[derive(Debug)]
 pub struct Tracer {
     materials: Vec<TracedMaterial>,
+    triangles: Vec<[DVec3; 3]>,
     /// In the order of the visibility.
     surfaces: Vec<Surface>,
     visibility: Visibility,
@@ -57,6 +58,7 @@ impl Tracer {
         };
         Self {
             materials: geometry.materials.clone(),
+            triangles: geometry.triangles.clone(),
             surfaces: visibility.order().iter().map(surface).collect(),
             visibility,
             emitters,
@@ -81,6 +83,31 @@ impl Tracer {
     pub fn emits(&self) -> bool {
         !self.emitters.is_empty()
     }
+
+    /// The static geometry.
+    pub fn triangles(&self) -> &[[DVec3; 3]] {
+        &self.triangles
+    }
+
+    /// What is seen from a place along a unit direction.
+    pub fn look(&self, from: DVec3, direction: DVec3) -> Option<Sight> {
+        let hit = self.visibility.closest(from, direction)?;
+        let surface = &self.surfaces[hit.leaf as usize];
+        let front = surface.normal.dot(direction) < 0.0;
+        let normal = if front { surface.normal } else { -surface.normal };
+        Some(Sight { distance: hit.distance, normal, front })
+    }
+}
+
+/// A surface that is seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sight {
+    /// Metres, to f32 accuracy.
+    pub distance: f64,
+    /// Unit, towards where it is seen from.
+    pub normal: DVec3,
+    /// Whether its front is seen: the side from which its vertices run counter-clockwise.
+    pub front: bool,
 }
 
 /// A surface that a ray met, in f64.
@@ -120,6 +147,11 @@ pub struct Transport<'a> {
 }
 
 impl<'a> Transport<'a> {
+    /// The static environment.
+    pub fn tracer(&self) -> &'a Tracer {
+        self.tracer
+    }
+
     /// `lights` in world coordinates.
     pub fn new(tracer: &'a Tracer, lights: &[Light<f64>], effects: Effects) -> Self {
         let mut surroundings = Rgb::zero();

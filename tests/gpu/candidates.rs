@@ -48,6 +48,7 @@ fn points() -> Vec<SurfacePoint> {
 
 fn irradiance(rig: Option<&AnyRig>, arithmetic: Arithmetic, bench: Option<&GpuBench>) -> Result<Vec<Rgb<f64>>, String> {
     let recipe = Recipe {
+        volume: None,
         rig: rig.cloned(),
         order: 3,
         gradients: GradientSource::Analytic,

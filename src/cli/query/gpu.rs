@@ -58,6 +58,7 @@ fn direct_values(
     let origin = mean_position(points);
     let recipe = Recipe {
         rig: None,
+        volume: None,
         order: usize::from(args.order),
         gradients: GradientSource::Analytic,
         window: Window::None,

@@ -10,7 +10,7 @@ pub struct GradientCorrected {}
 /// Linear value weights, and slopes w_i (q - x_i) times `share`. An axis with one sample takes the full derivative,
 /// whatever the share.
 #[inline(always)]
-fn corrected_nodes<T: Real, L: Lane<Scalar = T>>(axis: &GridAxis<T>, q: L, share: f64) -> Nodes<L> {
+pub fn corrected_nodes<T: Real, L: Lane<Scalar = T>>(axis: &GridAxis<T>, q: L, share: f64) -> Nodes<L> {
     if axis.count == 1 {
         return Nodes::one(axis.clamp(q));
     }

@@ -8,7 +8,7 @@ mod nearest;
 mod tricubic;
 mod trilinear;
 
-pub use gradient_corrected::GradientCorrected;
+pub use gradient_corrected::{GradientCorrected, corrected_nodes};
 pub use half_gradient::HalfGradient;
 pub use inverse_distance::InverseDistance;
 pub use nearest::Nearest;

@@ -1,0 +1,252 @@
+//! A volume read by a receiver.
+
+use std::sync::Arc;
+
+use super::local_points;
+use super::prepared::{CandidateError, Counts, CpuTimes, Lit, Timed, rounds};
+use crate::cost::{Samples, seconds_of};
+use crate::math::{Real, Rgb, Vector3};
+use crate::rig::{AnyRig, Gradient, LocalPoints, Model, Rig, RigModel, ShVectors};
+use crate::scene::{Mesh, OrientedBox, SurfacePoint};
+use crate::sh::Lobe;
+use crate::volume::{BakedVolume, Lookup, VolumeModel};
+use crate::with_order;
+
+/// What of a moving receiver a volume's lookup may need.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Reading<'a> {
+    /// World coordinates.
+    pub mesh: Option<&'a Mesh>,
+    /// Its boxes in the frames before this one, from the first on.
+    pub before: &'a [OrientedBox],
+}
+
+/// What a receiver makes of a volume in a frame.
+#[derive(Clone, Debug)]
+pub(super) enum Read<T: Real> {
+    /// The volume itself, at every point.
+    PerPoint { model: VolumeModel<T>, vectors: ShVectors<T> },
+    /// Vectors at the vertices.
+    PerVertex(VertexLight<T>),
+    /// One vector with its gradient over the receiver's box.
+    PerObject { model: Model<T>, vectors: ShVectors<T> },
+}
+
+/// A volume on the CPU.
+pub(super) struct CpuVolume<T: Real> {
+    baked: Arc<BakedVolume>,
+    bounds: OrientedBox,
+    lobe: Lobe<T>,
+    /// Boxes up to this frame.
+    boxes: Vec<OrientedBox>,
+    mesh: Option<Mesh>,
+    read: Read<T>,
+}
+
+impl<T: Real> CpuVolume<T> {
+    pub fn new(baked: Arc<BakedVolume>, bounds: OrientedBox, wrap: f64, reading: Reading) -> Self {
+        let boxes: Vec<OrientedBox> = reading.before.iter().copied().chain([bounds]).collect();
+        let mesh = reading.mesh.filter(|_| baked.volume.lookup == Lookup::PerVertex).cloned();
+        let lobe = Lobe::new(wrap);
+        let read = read(&baked, &boxes, mesh.as_ref(), &lobe);
+        Self { baked, bounds, lobe, boxes, mesh, read }
+    }
+
+    fn local(&self, points: &[SurfacePoint]) -> LocalPoints<T> {
+        match &self.read {
+            Read::PerPoint { .. } => local_points(&self.baked.bounds, points),
+            Read::PerObject { .. } => local_points(&self.bounds, points),
+            Read::PerVertex(light) => light.local(points),
+        }
+    }
+}
+
+/// Radiance vectors at the centre of a receiver's box: value, then its derivatives along the receiver's axes; smoothed over the frames.
+fn object_vectors(baked: &BakedVolume, boxes: &[OrientedBox]) -> ShVectors<f64> {
+    let read = |bounds: &OrientedBox| -> Vec<f64> {
+        let [value, x, y, z] = baked.value_and_slopes(baked.bounds.local(bounds.center).to_array());
+        // from the volume's axes to the receiver's
+        let turned = bounds.axes.iter().flat_map(|axis| {
+            let [a, b, c] = baked.bounds.axes.map(|own| own.dot(*axis));
+            (0..value.len()).map(|k| x[k] * a + y[k] * b + z[k] * c).collect::<Vec<_>>()
+        });
+        value.iter().copied().chain(turned).collect()
+    };
+    let smoothing = baked.volume.smoothing;
+    // where all of the way is gone each frame, the last frame is all that counts
+    let from = if smoothing < 1.0 { 0 } else { boxes.len() - 1 };
+    let mut state = read(&boxes[from]);
+    for bounds in &boxes[from + 1..] {
+        state.iter_mut().zip(read(bounds)).for_each(|(s, r)| *s += smoothing * (r - *s));
+    }
+    ShVectors { order: baked.values.order, data: state }
+}
+
+fn read<T: Real>(baked: &BakedVolume, boxes: &[OrientedBox], mesh: Option<&Mesh>, lobe: &Lobe<T>) -> Read<T> {
+    match (baked.volume.lookup, mesh) {
+        (Lookup::PerObject, _) => {
+            let half = boxes[boxes.len() - 1].half;
+            Read::PerObject {
+                model: AnyRig::Gradient(Gradient {}).model(half),
+                vectors: object_vectors(baked, boxes).rounded::<T>().convolved(lobe.bands()),
+            }
+        }
+        (Lookup::PerVertex, Some(mesh)) => {
+            let vectors = baked.vectors().rounded::<T>().convolved(lobe.bands());
+            Read::PerVertex(VertexLight::new(baked, &vectors, mesh))
+        }
+        // an object without a surface has no vertices
+        (Lookup::PerPoint | Lookup::PerVertex, _) => {
+            Read::PerPoint { model: baked.model(), vectors: baked.vectors().rounded::<T>().convolved(lobe.bands()) }
+        }
+    }
+}
+
+impl<T: Real> Read<T> {
+    fn irradiance(&self, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
+        match self {
+            Read::PerPoint { model, vectors } => {
+                with_order!(vectors.order, C => model.irradiance::<C>(vectors, points, out));
+            }
+            Read::PerObject { model, vectors } => {
+                with_order!(vectors.order, C => model.irradiance::<C>(vectors, points, out));
+            }
+            Read::PerVertex(light) => {
+                with_order!(light.vectors.order, C => light.irradiance::<C>(points, out));
+            }
+        }
+    }
+}
+
+/// Vectors at a mesh's vertices, interpolated over its triangles.
+#[derive(Clone, Debug)]
+pub(super) struct VertexLight<T> {
+    vectors: ShVectors<T>,
+    finder: crate::scene::SurfaceFinder,
+}
+
+impl<T: Real> VertexLight<T> {
+    fn new(baked: &BakedVolume, vectors: &ShVectors<T>, mesh: &Mesh) -> Self {
+        let model = baked.model::<T>();
+        let stride = vectors.stride();
+        let mut data = vec![T::zero(); stride * mesh.positions.len()];
+        for (position, sum) in mesh.positions.iter().zip(data.chunks_exact_mut(stride)) {
+            model.taps(Vector3::of(baked.bounds.local(*position)), &mut |vector, weight| {
+                sum.iter_mut().zip(vectors.vector(vector)).for_each(|(s, v)| *s += weight * *v);
+            });
+        }
+        Self { vectors: ShVectors { order: vectors.order, data }, finder: crate::scene::SurfaceFinder::new(mesh) }
+    }
+
+    /// The triangle's place in the list and two barycentric weights stand where coordinates would.
+    fn local(&self, points: &[SurfacePoint]) -> LocalPoints<T> {
+        let mut local = LocalPoints::default();
+        for point in points {
+            let (triangle, [u, v]) = self.finder.find(point.position);
+            local.push(glam::DVec3::new(triangle as f64, u, v), point.normal);
+        }
+        local
+    }
+
+    fn irradiance<const C: usize>(&self, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
+        for (i, e) in out.iter_mut().enumerate() {
+            let [triangle, u, v] = points.q(i).to_array();
+            let corners = self.finder.triangle(triangle.to_usize().unwrap_or(0));
+            let weights = [T::one() - u - v, u, v];
+            let y = crate::sh::basis::<T, C>(points.n(i));
+            let mut sum = Rgb::zero();
+            for (corner, weight) in corners.iter().zip(weights) {
+                let vector = self.vectors.vector(*corner as usize);
+                let mut dot = Rgb::zero();
+                for k in 0..C {
+                    dot += Rgb::new(vector[3 * k], vector[3 * k + 1], vector[3 * k + 2]) * y[k];
+                }
+                sum += dot * weight;
+            }
+            *e = sum;
+        }
+    }
+}
+
+/// What a volume keeps and took.
+pub(super) fn volume_counts(baked: &BakedVolume, bytes: u64) -> Counts {
+    Counts {
+        sh_vectors: Some((baked.values.count() + baked.slopes.as_ref().map_or(0, ShVectors::count)) as u64),
+        projections: Some(baked.counts.projections),
+        model_bytes: Some(bytes),
+        singular: baked.counts.singular,
+        rays: baked.counts.rays,
+        ..Counts::default()
+    }
+}
+
+impl<T: Real> Lit for CpuVolume<T> {
+    fn irradiance(&self, points: &[SurfacePoint]) -> Result<Vec<Rgb<f64>>, CandidateError> {
+        let mut out = vec![Rgb::zero(); points.len()];
+        self.read.irradiance(&self.local(points), &mut out);
+        Ok(out.iter().map(|e| e.to_double()).collect())
+    }
+
+    fn counts(&self) -> Counts {
+        let bytes = self.baked.bytes() / 4 * std::mem::size_of::<T>() as u64;
+        volume_counts(&self.baked, bytes)
+    }
+
+    fn timed<'a>(&'a self, points: &[SurfacePoint], total: usize) -> Result<Box<dyn Timed + 'a>, CandidateError> {
+        Ok(Box::new(TimedVolume {
+            volume: self,
+            read: self.read.clone(),
+            points: self.local(points),
+            out: vec![Rgb::zero(); points.len()],
+            rounds: rounds(points, total),
+            times: CpuTimes::default(),
+        }))
+    }
+}
+
+struct TimedVolume<'a, T: Real> {
+    volume: &'a CpuVolume<T>,
+    read: Read<T>,
+    points: LocalPoints<T>,
+    out: Vec<Rgb<T>>,
+    rounds: usize,
+    times: CpuTimes,
+}
+
+impl<T: Real> Timed for TimedVolume<'_, T> {
+    /// A volume is there already; each frame its object or its vertices read it.
+    fn setup(&mut self) -> Result<f64, CandidateError> {
+        let volume = self.volume;
+        let read = &mut self.read;
+        Ok(seconds_of(|| {
+            if !matches!(read, Read::PerPoint { .. }) {
+                let last = &volume.boxes[volume.boxes.len() - 1..];
+                *read = self::read(&volume.baked, last, volume.mesh.as_ref(), &volume.lobe);
+            }
+        }))
+    }
+
+    fn evaluate(&mut self) -> Result<(), CandidateError> {
+        let seconds = seconds_of(|| {
+            for _ in 0..self.rounds {
+                self.read.irradiance(&self.points, &mut self.out);
+                std::hint::black_box(&mut self.out);
+            }
+        });
+        self.times.push(seconds, self.rounds * self.out.len());
+        Ok(())
+    }
+
+    fn evaluations(&self) -> Result<(Samples, &'static str), CandidateError> {
+        Ok((self.times.0.clone(), "monotonic"))
+    }
+
+    fn forget(&mut self) {
+        self.times.0.0.clear();
+    }
+
+    /// The bake.
+    fn once(&self) -> Option<f64> {
+        Some(self.volume.baked.counts.seconds)
+    }
+}

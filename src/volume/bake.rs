@@ -1,0 +1,766 @@
+//! From a volume's configuration to its samples: placement, subdivision, sampling, culling, repair.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::cells::{Cells, Place, corner_places, position};
+use super::config::{Lookup, Structure, Volume, budget_help};
+use super::forest::Forest;
+use super::heuristic::{Criterion, Evidence};
+use super::model::{Across, CellModel, VolumeModel};
+use super::overlap::triangle_overlaps_box;
+use crate::math::{Real, Vector3};
+use crate::probe::{Depths, Prober, SampleRequest, Texel, depths, texels};
+use crate::rig::interpolation::Interpolation;
+use crate::rig::{AnyRig, AxisNames, Lattice, Rig, RigModel, ShVectors};
+use crate::scene::OrientedBox;
+use crate::sh::{Lobe, coefficients, degree_of};
+use crate::trace::{Counters, Tracer};
+
+/// Texels along the edge of a face of the depth captures that heuristics look at.
+const DEPTH_FACE: usize = 12;
+/// Texels of the captures that tell whether a sample lies inside geometry.
+const INSIDE_FACE: usize = 4;
+/// A sample that sees the backs of surfaces in this share of its directions lies inside geometry. A lone quad fills at most half.
+const INSIDE_SHARE: f64 = 0.75;
+/// Differences are taken relative to at least this share of the volume's mean.
+const DARK_SHARE: f64 = 0.01;
+
+/// Why a volume could not be baked.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum BakeError {
+    #[error("the volume wants {wanted} samples at level {level}; {help}")]
+    Budget { wanted: usize, level: u32, help: String },
+    #[error("{0}")]
+    Bounds(String),
+}
+
+/// The cells of a volume.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Layout {
+    /// A lattice with so many samples along the axes.
+    Grid([usize; 3]),
+    Cells(Arc<Cells>),
+}
+
+/// What a bake took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct BakeCounts {
+    /// Samples that are kept.
+    pub samples: u64,
+    /// Samples that were taken, those of cells that were undone and of centres too.
+    pub taken: u64,
+    /// Samples inside geometry, of those that are kept.
+    pub inside: u64,
+    /// Of them, those that neighbours could replace.
+    pub repaired: u64,
+    /// Projections of a light at a place.
+    pub projections: u64,
+    pub singular: u64,
+    pub rays: Counters,
+    /// Rays for depths: heuristics and what lies inside.
+    pub depth_rays: u64,
+    pub seconds: f64,
+}
+
+/// A volume with its samples.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BakedVolume {
+    pub volume: Volume,
+    pub bounds: OrientedBox,
+    pub layout: Layout,
+    /// Radiance coefficients of the samples.
+    pub values: ShVectors<f64>,
+    /// Their derivatives along the box's axes, three a sample, where the volume keeps them.
+    pub slopes: Option<ShVectors<f64>>,
+    /// Box coordinates of the samples.
+    pub places: Vec<[f64; 3]>,
+    /// Whether each lies inside geometry.
+    pub inside: Vec<bool>,
+    pub counts: BakeCounts,
+}
+
+/// A sample that was taken.
+#[derive(Clone, Debug)]
+struct Taken {
+    value: Vec<f64>,
+    /// Along x, y, z one after the other.
+    slopes: Vec<f64>,
+}
+
+/// RMS over normals of the irradiance that a radiance vector gives, RGB pooled: the mean of E^2 over the sphere is the sum of
+/// (A_l L_i)^2 / 4 pi.
+pub fn rms_over_normals(radiance: &[f64], bands: &[f64]) -> f64 {
+    let sum: f64 = radiance
+        .chunks_exact(3)
+        .enumerate()
+        .map(|(i, channels)| {
+            let factor = bands[degree_of(i)];
+            channels.iter().map(|c| (factor * c).powi(2)).sum::<f64>()
+        })
+        .sum();
+    (sum / (3.0 * 4.0 * std::f64::consts::PI)).sqrt()
+}
+
+fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a - b).collect()
+}
+
+/// A bake under way.
+struct Baker<'a> {
+    volume: &'a Volume,
+    prober: &'a Prober<'a>,
+    tracer: Option<&'a Tracer>,
+    resolution: Place,
+    taken: HashMap<Place, Taken>,
+    depths: HashMap<Place, (Depths, Vec<DVec3>)>,
+    depth_texels: Vec<Texel>,
+    bands: Vec<f64>,
+    counts: BakeCounts,
+    /// Mean over the samples of the least level of the RMS over normals.
+    mean: f64,
+}
+
+/// Takes the samples of a volume in the prober's box.
+pub fn bake(volume: &Volume, prober: &Prober) -> Result<BakedVolume, BakeError> {
+    let start = Instant::now();
+    if prober.bounds.half.iter().any(|half| !(*half > 0.0 && half.is_finite())) {
+        return Err(BakeError::Bounds(format!("the volume's box is empty: half extents {:?}", prober.bounds.half)));
+    }
+    let mut baker = Baker {
+        volume,
+        prober,
+        tracer: prober.transport.map(|transport| transport.tracer()),
+        resolution: [0; 3],
+        taken: HashMap::new(),
+        depths: HashMap::new(),
+        depth_texels: texels(DEPTH_FACE),
+        bands: Lobe::<f64>::lambert().bands().to_vec(),
+        counts: BakeCounts::default(),
+        mean: 0.0,
+    };
+    let layout = match &volume.structure {
+        Structure::Grid { samples } => Layout::Grid(*samples),
+        Structure::TwoLevel { samples, inner } => {
+            let outer = samples.map(|n| n as u32 - 1);
+            baker.resolution = outer.map(|n| n * 2 * inner);
+            let half = prober.bounds.half;
+            Layout::Cells(Arc::new(Cells::two_level(outer, *inner, half, |low, size| baker.holds_triangle(low, size))))
+        }
+        Structure::Octree { .. } => Layout::Cells(Arc::new(baker.octree()?)),
+    };
+    let mut baked = match layout {
+        Layout::Grid(samples) => baker.grid(samples)?,
+        Layout::Cells(cells) => baker.cells(cells)?,
+    };
+    if let Some(tracer) = baker.tracer {
+        baked.find_inside(tracer);
+        if volume.repair {
+            baked.repair();
+        }
+    }
+    let kept = baked.counts;
+    baked.counts = BakeCounts {
+        samples: baked.places.len() as u64,
+        taken: baker.counts.taken,
+        projections: baker.counts.projections,
+        singular: baker.counts.singular,
+        rays: baker.counts.rays,
+        depth_rays: baker.counts.depth_rays + kept.depth_rays,
+        seconds: start.elapsed().as_secs_f64(),
+        ..kept
+    };
+    Ok(baked)
+}
+
+impl Baker<'_> {
+    fn position(&self, place: Place) -> [f64; 3] {
+        position(place, self.resolution, self.prober.bounds.half)
+    }
+
+    fn world(&self, place: Place) -> DVec3 {
+        self.prober.bounds.world(self.position(place))
+    }
+
+    /// Samples at positions; per sample its value and its slopes.
+    fn sample(&mut self, positions: &[[f64; 3]], level: u32) -> Result<Vec<Taken>, BakeError> {
+        let wanted = self.counts.taken as usize + positions.len();
+        if wanted > self.volume.budget {
+            return Err(BakeError::Budget { wanted, level, help: budget_help(self.volume.budget) });
+        }
+        let derivatives = [self.volume.takes_derivatives(); 3];
+        let requests: Vec<SampleRequest> =
+            positions.iter().map(|position| SampleRequest { position: *position, derivatives }).collect();
+        let (sampled, rays) = self.prober.take(&requests);
+        self.counts.taken += positions.len() as u64;
+        self.counts.projections += sampled.projections;
+        self.counts.singular += sampled.singular;
+        self.counts.rays += rays;
+        let stride = sampled.vectors.stride();
+        let vectors = requests.first().map_or(1, SampleRequest::vectors);
+        Ok(sampled
+            .vectors
+            .data
+            .chunks_exact(stride * vectors)
+            .map(|data| Taken { value: data[..stride].to_vec(), slopes: data[stride..].to_vec() })
+            .collect())
+    }
+
+    /// Takes what of these places was not taken yet.
+    fn ensure(&mut self, places: impl IntoIterator<Item = Place>, level: u32) -> Result<(), BakeError> {
+        let mut missing: Vec<Place> = places.into_iter().filter(|place| !self.taken.contains_key(place)).collect();
+        missing.sort_unstable();
+        missing.dedup();
+        let positions: Vec<[f64; 3]> = missing.iter().map(|place| self.position(*place)).collect();
+        let samples = self.sample(&positions, level)?;
+        self.taken.extend(missing.into_iter().zip(samples));
+        Ok(())
+    }
+
+    /// One grid over the whole box.
+    fn grid(&mut self, samples: [usize; 3]) -> Result<BakedVolume, BakeError> {
+        let half = self.prober.bounds.half;
+        let requests = crate::rig::grid_placement(samples, half, [false; 3]);
+        let places: Vec<[f64; 3]> = requests.iter().map(|request| request.position).collect();
+        let taken = self.sample(&places, 0)?;
+        Ok(self.finish(Layout::Grid(samples), places, taken.iter()))
+    }
+
+    fn cells(&mut self, cells: Arc<Cells>) -> Result<BakedVolume, BakeError> {
+        self.ensure(cells.places.iter().copied(), 0)?;
+        let places: Vec<[f64; 3]> = cells.places.iter().map(|place| cells.position(*place)).collect();
+        let taken: Vec<&Taken> = cells.places.iter().map(|place| &self.taken[place]).collect();
+        let baked = self.finish(Layout::Cells(cells.clone()), places, taken.into_iter());
+        Ok(baked)
+    }
+
+    fn finish<'t>(
+        &self,
+        layout: Layout,
+        places: Vec<[f64; 3]>,
+        taken: impl Iterator<Item = &'t Taken> + Clone,
+    ) -> BakedVolume {
+        let order = self.prober.order;
+        let values = ShVectors { order, data: taken.clone().flat_map(|t| t.value.iter().copied()).collect() };
+        let slopes = self
+            .volume
+            .keeps_derivatives()
+            .then(|| ShVectors { order, data: taken.flat_map(|t| t.slopes.iter().copied()).collect() });
+        BakedVolume {
+            volume: self.volume.clone(),
+            bounds: self.prober.bounds,
+            layout,
+            values,
+            slopes,
+            inside: vec![false; places.len()],
+            places,
+            counts: BakeCounts::default(),
+        }
+    }
+
+    /// Divides, undoes, balances.
+    fn octree(&mut self) -> Result<Cells, BakeError> {
+        let Structure::Octree { roots, min_level, max_level, heuristic, cull, .. } = &self.volume.structure else {
+            unreachable!("called for octrees");
+        };
+        let (min_level, max_level) = (*min_level, *max_level);
+        let mut forest = Forest::new(*roots, max_level);
+        self.resolution = forest.resolution();
+        for level in 0..min_level {
+            for leaf in forest.leaves().into_iter().filter(|leaf| forest.level(*leaf) == level).collect::<Vec<_>>() {
+                forest.split(leaf);
+            }
+        }
+        // the mean by which differences are judged
+        let corners: Vec<Place> = forest.leaves().iter().flat_map(|leaf| corners_of(&forest, *leaf)).collect();
+        self.ensure(corners, min_level)?;
+        self.mean = self.taken.values().map(|t| rms_over_normals(&t.value, &self.bands)).sum::<f64>()
+            / self.taken.len().max(1) as f64;
+
+        // divide level by level: to the end for pruning, else where a criterion says so
+        let prune = heuristic.prune();
+        for level in min_level..max_level {
+            let leaves: Vec<u32> = forest.leaves().into_iter().filter(|leaf| forest.level(*leaf) == level).collect();
+            let divided = match prune {
+                Some(_) => leaves,
+                None => self.wanted(&forest, &leaves, level)?,
+            };
+            for leaf in divided {
+                forest.split(leaf);
+            }
+        }
+        let corners: Vec<Place> = forest.leaves().iter().flat_map(|leaf| corners_of(&forest, *leaf)).collect();
+        self.ensure(corners, max_level)?;
+
+        // undo what changes nothing, from the finest cells upwards
+        for tolerance in prune.into_iter().chain(*cull) {
+            let others: Vec<Criterion> =
+                heuristic.any.iter().filter(|c| !matches!(c, Criterion::Prune { .. })).copied().collect();
+            let mut kept: std::collections::HashSet<u32> = Default::default();
+            loop {
+                let candidates: Vec<u32> = forest
+                    .mergeable()
+                    .into_iter()
+                    .filter(|node| forest.level(*node) >= min_level && !kept.contains(node))
+                    .collect();
+                if candidates.is_empty() {
+                    break;
+                }
+                // another criterion of the list keeps its cells from pruning; culling comes after all of them
+                let wanted: Vec<u32> = match prune {
+                    Some(prune) if prune == tolerance && !others.is_empty() => {
+                        self.wanted_by(&others, &forest, &candidates, max_level)?
+                    }
+                    _ => Vec::new(),
+                };
+                for node in candidates {
+                    if !wanted.contains(&node) && self.changes_little(&forest, node, tolerance) {
+                        forest.merge(node);
+                    } else {
+                        kept.insert(node);
+                    }
+                }
+            }
+        }
+        forest.balance();
+        Ok(Cells::of_forest(&forest, self.prober.bounds.half))
+    }
+
+    fn wanted(&mut self, forest: &Forest, leaves: &[u32], level: u32) -> Result<Vec<u32>, BakeError> {
+        let Structure::Octree { heuristic, .. } = &self.volume.structure else { unreachable!("called for octrees") };
+        self.wanted_by(&heuristic.any, forest, leaves, level)
+    }
+
+    /// Which of these cells a criterion wants to divide.
+    fn wanted_by(
+        &mut self,
+        criteria: &[Criterion],
+        forest: &Forest,
+        cells: &[u32],
+        level: u32,
+    ) -> Result<Vec<u32>, BakeError> {
+        let mut wanted = vec![false; cells.len()];
+        for criterion in criteria {
+            let open: Vec<usize> = (0..cells.len()).filter(|i| !wanted[*i]).collect();
+            let extents: Vec<(Place, u32)> = open.iter().map(|i| forest.extent(cells[*i])).collect();
+            // what it looks at
+            match criterion {
+                Criterion::Error { .. } => {
+                    let places = extents
+                        .iter()
+                        .flat_map(|(low, size)| corner_places(*low, *size).into_iter().chain([centre_of(*low, *size)]));
+                    self.ensure(places.collect::<Vec<_>>(), level)?;
+                }
+                Criterion::Gradient { .. } => {
+                    let places: Vec<Place> = extents
+                        .iter()
+                        .flat_map(|(low, size)| corner_places(*low, *size).into_iter().chain([centre_of(*low, *size)]))
+                        .collect();
+                    self.ensure(places, level)?;
+                }
+                Criterion::HarmonicMean { .. } | Criterion::ContainsGeometry { from: Evidence::Depth } => {
+                    self.look_around(extents.iter().map(|(low, size)| centre_of(*low, *size)).collect());
+                }
+                Criterion::ContainsGeometry { from: Evidence::Triangles } | Criterion::Prune { .. } => {}
+            }
+            let says: Vec<bool> = extents.par_iter().map(|(low, size)| self.divides(criterion, *low, *size)).collect();
+            for (index, says) in open.into_iter().zip(says) {
+                wanted[index] |= says;
+            }
+        }
+        Ok(cells.iter().zip(wanted).filter(|(_, wanted)| *wanted).map(|(cell, _)| *cell).collect())
+    }
+
+    /// Metres of a cell's edges.
+    fn edges(&self, size: u32) -> [f64; 3] {
+        let half = self.prober.bounds.half;
+        std::array::from_fn(|axis| 2.0 * half[axis] * f64::from(size) / f64::from(self.resolution[axis]))
+    }
+
+    fn divides(&self, criterion: &Criterion, low: Place, size: u32) -> bool {
+        let centre = centre_of(low, size);
+        let edges = self.edges(size);
+        match *criterion {
+            Criterion::Gradient { threshold } => {
+                let places = corner_places(low, size).into_iter().chain([centre]);
+                places.into_iter().any(|place| {
+                    let taken = &self.taken[&place];
+                    let stride = taken.value.len();
+                    let along = |axis: usize| {
+                        edges[axis] * rms_over_normals(&taken.slopes[axis * stride..(axis + 1) * stride], &self.bands)
+                    };
+                    let change = (along(0).powi(2) + along(1).powi(2) + along(2).powi(2)).sqrt();
+                    change > threshold * self.local(&taken.value)
+                })
+            }
+            Criterion::ContainsGeometry { from: Evidence::Triangles } => self.holds_triangle(low, size),
+            Criterion::ContainsGeometry { from: Evidence::Depth } => {
+                let half = DVec3::from_array(edges) * 0.5;
+                let middle = self.position(centre);
+                self.depths.get(&centre).is_some_and(|(_, seen)| {
+                    let offset = |world: &DVec3| self.prober.bounds.local(*world) - DVec3::from_array(middle);
+                    seen.iter().any(|world| offset(world).abs().cmple(half).all())
+                })
+            }
+            Criterion::HarmonicMean { threshold, minimum } => self.depths.get(&centre).is_some_and(|(depths, _)| {
+                let reach = 0.5 * edges.into_iter().fold(0.0, f64::max);
+                depths.harmonic_mean * threshold <= reach || (minimum && depths.minimum <= reach)
+            }),
+            Criterion::Error { threshold } => {
+                let truth = &self.taken[&centre].value;
+                let guess = self.guess(low, size, [0.0; 3]);
+                rms_over_normals(&difference(&guess, truth), &self.bands) > threshold * self.local(truth)
+            }
+            Criterion::Prune { .. } => false,
+        }
+    }
+
+    /// What a difference is held against.
+    fn local(&self, value: &[f64]) -> f64 {
+        rms_over_normals(value, &self.bands).max(DARK_SHARE * self.mean)
+    }
+
+    /// A cell's interpolation at metres from its centre.
+    fn guess(&self, low: Place, size: u32, q: [f64; 3]) -> Vec<f64> {
+        let interpolation = &self.volume.interpolation;
+        let derivatives = interpolation.uses_derivatives();
+        let half = self.edges(size).map(|edge| 0.5 * edge);
+        let grid = crate::rig::Grid::<f64>::new([2; 3], half, [derivatives; 3]);
+        let corners = corner_places(low, size).map(|place| &self.taken[&place]);
+        let stride = corners[0].value.len();
+        let vectors = if derivatives { 4 } else { 1 };
+        let mut sum = vec![0.0; stride];
+        interpolation.taps(&grid, q, &mut |first: usize, offset, weight| {
+            let vector = first + offset;
+            let taken = corners[vector / vectors];
+            let data = match vector % vectors {
+                0 => &taken.value[..],
+                slot => &taken.slopes[(slot - 1) * stride..slot * stride],
+            };
+            sum.iter_mut().zip(data).for_each(|(s, d)| *s += weight * d);
+        });
+        sum
+    }
+
+    /// Whether a cell's own corners give its children's corners within a tolerance.
+    fn changes_little(&self, forest: &Forest, node: u32, tolerance: f64) -> bool {
+        let (low, size) = forest.extent(node);
+        let edges = self.edges(size);
+        (0..27u32).all(|index| {
+            let offset = [index % 3, index / 3 % 3, index / 9];
+            if offset.iter().all(|o| *o != 1) {
+                return true;
+            }
+            let place: Place = std::array::from_fn(|axis| low[axis] + size / 2 * offset[axis]);
+            let q = std::array::from_fn(|axis| 0.5 * edges[axis] * (f64::from(offset[axis]) - 1.0));
+            let truth = &self.taken[&place].value;
+            let error = rms_over_normals(&difference(&self.guess(low, size, q), truth), &self.bands);
+            error <= tolerance * self.local(truth)
+        })
+    }
+
+    fn holds_triangle(&self, low: Place, size: u32) -> bool {
+        let Some(tracer) = self.tracer else { return false };
+        let centre = DVec3::from_array(self.position(centre_of(low, size)));
+        let half = DVec3::from_array(self.edges(size)) * 0.5;
+        let bounds = &self.prober.bounds;
+        tracer
+            .triangles()
+            .iter()
+            .any(|triangle| triangle_overlaps_box(&triangle.map(|corner| bounds.local(corner) - centre), half))
+    }
+
+    /// Captures depths where none were captured yet.
+    fn look_around(&mut self, places: Vec<Place>) {
+        let Some(tracer) = self.tracer else { return };
+        let missing: Vec<Place> = places.into_iter().filter(|place| !self.depths.contains_key(place)).collect();
+        self.counts.depth_rays += (missing.len() * self.depth_texels.len()) as u64;
+        let found: Vec<(Depths, Vec<DVec3>)> = missing
+            .par_iter()
+            .map(|place| {
+                let mut seen = Vec::new();
+                let found = depths(tracer, self.world(*place), &self.depth_texels, |world| seen.push(world));
+                (found, seen)
+            })
+            .collect();
+        self.depths.extend(missing.into_iter().zip(found));
+    }
+}
+
+fn corners_of(forest: &Forest, node: u32) -> [Place; 8] {
+    let (low, size) = forest.extent(node);
+    corner_places(low, size)
+}
+
+fn centre_of(low: Place, size: u32) -> Place {
+    low.map(|u| u + size / 2)
+}
+
+impl BakedVolume {
+    /// Marks the samples that see little but the backs of surfaces.
+    fn find_inside(&mut self, tracer: &Tracer) {
+        let texels = texels(INSIDE_FACE);
+        self.counts.depth_rays += (self.places.len() * texels.len()) as u64;
+        self.inside = self
+            .places
+            .par_iter()
+            .map(|place| depths(tracer, self.bounds.world(*place), &texels, |_| ()).behind >= INSIDE_SHARE)
+            .collect();
+        self.counts.inside = self.inside.iter().filter(|inside| **inside).count() as u64;
+    }
+
+    /// Dilation: a sample inside geometry becomes the mean of its neighbours outside, those reached first; derivatives become 0.
+    fn repair(&mut self) {
+        let edges = self.edges();
+        let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); self.places.len()];
+        for [a, b] in edges {
+            neighbours[a as usize].push(b);
+            neighbours[b as usize].push(a);
+        }
+        let stride = self.values.stride();
+        let mut open = self.inside.clone();
+        loop {
+            let reached: Vec<(usize, Vec<f64>)> = (0..open.len())
+                .filter(|i| open[*i])
+                .filter_map(|i| {
+                    let outside: Vec<usize> = neighbours[i].iter().map(|n| *n as usize).filter(|n| !open[*n]).collect();
+                    let share = 1.0 / outside.len() as f64;
+                    let mut mean = vec![0.0; stride];
+                    for n in &outside {
+                        mean.iter_mut().zip(self.values.vector(*n)).for_each(|(m, v)| *m += share * v);
+                    }
+                    (!outside.is_empty()).then_some((i, mean))
+                })
+                .collect();
+            if reached.is_empty() {
+                return;
+            }
+            for (index, mean) in reached {
+                self.values.data[index * stride..(index + 1) * stride].copy_from_slice(&mean);
+                if let Some(slopes) = &mut self.slopes {
+                    slopes.data[3 * index * stride..3 * (index + 1) * stride].fill(0.0);
+                }
+                open[index] = false;
+                self.counts.repaired += 1;
+            }
+        }
+    }
+
+    /// Pairs of neighbouring samples.
+    pub fn edges(&self) -> Vec<[u32; 2]> {
+        match &self.layout {
+            Layout::Cells(cells) => cells.edges(),
+            Layout::Grid(samples) => {
+                let steps = [1, samples[0], samples[0] * samples[1]];
+                let mut edges = Vec::new();
+                for index in 0..self.places.len() {
+                    for axis in 0..3 {
+                        if index / steps[axis] % samples[axis] + 1 < samples[axis] {
+                            edges.push([index as u32, (index + steps[axis]) as u32]);
+                        }
+                    }
+                }
+                edges
+            }
+        }
+    }
+
+    /// Smallest and largest box coordinates of every cell.
+    pub fn cell_boxes(&self) -> Vec<[[f64; 3]; 2]> {
+        match &self.layout {
+            Layout::Cells(cells) => cells
+                .cells
+                .iter()
+                .map(|cell| [cells.position(cell.low), cells.position(cell.low.map(|u| u + cell.size))])
+                .collect(),
+            Layout::Grid(samples) => {
+                let half = self.bounds.half;
+                let counts = samples.map(|n| n.saturating_sub(1).max(1));
+                let at = |axis: usize, i: usize| half[axis] * (2.0 * i as f64 / counts[axis] as f64 - 1.0);
+                let mut boxes = Vec::new();
+                for z in 0..counts[2] {
+                    for y in 0..counts[1] {
+                        for x in 0..counts[0] {
+                            boxes.push([[at(0, x), at(1, y), at(2, z)], [at(0, x + 1), at(1, y + 1), at(2, z + 1)]]);
+                        }
+                    }
+                }
+                boxes
+            }
+        }
+    }
+
+    /// Floats of the samples that are kept.
+    pub fn floats(&self) -> u64 {
+        (self.values.data.len() + self.slopes.as_ref().map_or(0, |slopes| slopes.data.len())) as u64
+    }
+
+    /// Bytes at four a float, the structure's own included.
+    pub fn bytes(&self) -> u64 {
+        let structure = match &self.layout {
+            Layout::Grid(_) => 0,
+            Layout::Cells(cells) => cells.bytes() as u64,
+        };
+        4 * self.floats() + structure
+    }
+
+    fn across(&self) -> Across {
+        match self.volume.structure {
+            Structure::Octree { across, .. } => across,
+            _ => Across::Naive,
+        }
+    }
+
+    /// The lattice rig of a volume that is one grid.
+    pub fn lattice(&self) -> Option<AnyRig> {
+        match &self.layout {
+            Layout::Grid(samples) => Some(AnyRig::Lattice(Lattice {
+                samples: *samples,
+                axes: AxisNames::Xyz,
+                interpolation: self.volume.interpolation,
+            })),
+            Layout::Cells(_) => None,
+        }
+    }
+
+    /// The weights of [`BakedVolume::vectors`].
+    pub fn model<T: Real>(&self) -> VolumeModel<T> {
+        match (&self.layout, self.lattice()) {
+            (Layout::Cells(cells), _) => {
+                VolumeModel::Cells(CellModel::new(cells.clone(), self.volume.interpolation, self.across()))
+            }
+            (_, Some(lattice)) => VolumeModel::Grid(lattice.model(self.bounds.half)),
+            _ => unreachable!("a grid is a lattice"),
+        }
+    }
+
+    /// The vectors that the interpolation weighs: values, each followed by its derivatives where the interpolation uses them.
+    pub fn vectors(&self) -> ShVectors<f64> {
+        match &self.slopes {
+            Some(slopes) if self.volume.interpolation.uses_derivatives() => {
+                let stride = self.values.stride();
+                let data = (0..self.places.len())
+                    .flat_map(|i| {
+                        self.values.vector(i).iter().chain(&slopes.data[3 * i * stride..3 * (i + 1) * stride]).copied()
+                    })
+                    .collect();
+                ShVectors { order: self.values.order, data }
+            }
+            _ => self.values.clone(),
+        }
+    }
+
+    /// The interpolated radiance vector at box coordinates and its derivatives along the box's axes: those of the samples, trilinearly.
+    pub fn value_and_slopes(&self, q: [f64; 3]) -> [Vec<f64>; 4] {
+        let stride = self.values.stride();
+        let vectors = self.vectors();
+        let mut value = vec![0.0; stride];
+        self.model::<f64>().taps(Vector3::from_array(q), &mut |vector, weight| {
+            value.iter_mut().zip(vectors.vector(vector)).for_each(|(s, v)| *s += weight * v);
+        });
+        let mut slopes = [vec![0.0; stride], vec![0.0; stride], vec![0.0; stride]];
+        if let Some(kept) = &self.slopes {
+            let linear = Interpolation::named("trilinear", 1.0).expect("a word of the list");
+            let plain = Self { volume: Volume { interpolation: linear, ..self.volume.clone() }, ..self.shallow() };
+            plain.model::<f64>().taps(Vector3::from_array(q), &mut |sample, weight| {
+                for (axis, slope) in slopes.iter_mut().enumerate() {
+                    slope.iter_mut().zip(kept.vector(3 * sample + axis)).for_each(|(s, v)| *s += weight * v);
+                }
+            });
+        }
+        let [x, y, z] = slopes;
+        [value, x, y, z]
+    }
+
+    /// Without the samples.
+    fn shallow(&self) -> Self {
+        Self {
+            volume: self.volume.clone(),
+            bounds: self.bounds,
+            layout: self.layout.clone(),
+            values: ShVectors { order: self.values.order, data: Vec::new() },
+            slopes: None,
+            places: Vec::new(),
+            inside: Vec::new(),
+            counts: self.counts,
+        }
+    }
+
+    /// The largest jump across a face between cells, RMS over normals of the irradiance difference of its two sides at 3 x 3 places of
+    /// the face, over the mean of the samples; and that of the faces between levels alone.
+    pub fn face_jump(&self) -> Option<FaceJump> {
+        let Layout::Cells(cells) = &self.layout else { return None };
+        let bands = Lobe::<f64>::lambert().bands().to_vec();
+        let model = CellModel::<f64>::new(cells.clone(), self.volume.interpolation, self.across());
+        let vectors = self.vectors();
+        let mean = (0..self.places.len()).map(|i| rms_over_normals(self.values.vector(i), &bands)).sum::<f64>()
+            / self.places.len() as f64;
+        let at = |cell: usize, q: Vector3<f64>| {
+            let mut sum = vec![0.0; vectors.stride()];
+            model.taps_of_cell(cell, q, &mut |vector, weight| {
+                sum.iter_mut().zip(vectors.vector(vector)).for_each(|(s, v)| *s += weight * v);
+            });
+            sum
+        };
+        let jumps: Vec<(f64, bool)> = cells
+            .faces()
+            .par_iter()
+            .map(|face| {
+                let mut largest = 0.0f64;
+                for (u, v) in (0..9).map(|k| (0.13 + 0.37 * f64::from(k % 3), 0.11 + 0.39 * f64::from(k / 3))) {
+                    let share = |axis: usize| {
+                        let flat = (0..3).find(|a| face.low[*a] == face.high[*a]).expect("a face is flat");
+                        if axis == (flat + 1) % 3 { u } else { v }
+                    };
+                    let q = std::array::from_fn(|a| face.low[a] + share(a) * (face.high[a] - face.low[a]));
+                    let q = Vector3::from_array(q);
+                    let apart = difference(&at(face.cells[0], q), &at(face.cells[1], q));
+                    largest = largest.max(rms_over_normals(&apart, &bands));
+                }
+                (largest / mean, face.between_levels)
+            })
+            .collect();
+        let largest = |faces: &mut dyn Iterator<Item = f64>| faces.fold(0.0, f64::max);
+        Some(FaceJump {
+            all: largest(&mut jumps.iter().map(|(jump, _)| *jump)),
+            between_levels: largest(&mut jumps.iter().filter(|(_, between)| *between).map(|(jump, _)| *jump)),
+        })
+    }
+
+    /// Whether a world place lies in a cell that meets a finer one.
+    pub fn level_boundaries(&self) -> impl Fn(DVec3) -> bool {
+        let model = match &self.layout {
+            Layout::Cells(cells) => {
+                Some(CellModel::<f64>::new(cells.clone(), self.volume.interpolation, Across::Naive))
+            }
+            Layout::Grid(_) => None,
+        };
+        let bounds = self.bounds;
+        move |world| {
+            model
+                .as_ref()
+                .is_some_and(|model| model.cells().hanging(model.cell_at(Vector3::of(bounds.local(world)))).is_some())
+        }
+    }
+
+    /// Whether objects read it once and not at every point.
+    pub fn is_read_once(&self) -> bool {
+        self.volume.lookup == Lookup::PerObject
+    }
+
+    /// Numbers in a sample's value.
+    pub fn stride(&self) -> usize {
+        3 * coefficients(self.values.order)
+    }
+}
+
+/// [`BakedVolume::face_jump`].
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct FaceJump {
+    pub all: f64,
+    pub between_levels: f64,
+}

@@ -1,0 +1,273 @@
+//! Weights of a volume's samples at a place.
+
+use std::sync::Arc;
+
+use super::cells::{Cells, NONE};
+use crate::math::{Real, Vector3};
+use crate::rig::interpolation::{Interpolation, corrected_nodes, hermite_nodes, linear_nodes};
+use crate::rig::{Grid, GridAxis, LocalPoints, Model, Nodes, RigModel, ShVectors};
+
+/// How a cell meets finer neighbours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Across {
+    /// Every cell by its own corners: values jump where a face has more samples on its other side.
+    Naive,
+    /// A cell with finer neighbours takes their samples on its surface too, and nothing jumps.
+    #[default]
+    Continuous,
+}
+
+/// One-dimensional form of an interpolation that is a tensor product without mixed derivatives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Profile {
+    Linear,
+    /// Linear, with this share of the derivatives.
+    Corrected(f64),
+    Hermite,
+}
+
+impl Profile {
+    fn of(interpolation: &Interpolation) -> Option<Self> {
+        match interpolation {
+            Interpolation::Trilinear(_) => Some(Profile::Linear),
+            Interpolation::GradientCorrected(_) => Some(Profile::Corrected(1.0)),
+            Interpolation::HalfGradient(_) => Some(Profile::Corrected(0.5)),
+            Interpolation::Tricubic(_) => Some(Profile::Hermite),
+            Interpolation::Nearest(_) | Interpolation::InverseDistance(_) => None,
+        }
+    }
+
+    #[inline(always)]
+    fn nodes<T: Real>(self, axis: &GridAxis<T>, q: T) -> Nodes<T> {
+        match self {
+            Profile::Linear => linear_nodes(axis, q),
+            Profile::Corrected(share) => corrected_nodes(axis, q, share),
+            Profile::Hermite => hermite_nodes(axis, q),
+        }
+    }
+
+    /// Value and slope in the middle of an edge of this length, from the values and slopes at its ends:
+    /// `[what][end][of what]`, 0 value and 1 slope. With them two halves of an edge give what the whole gives.
+    fn middle(self, edge: f64) -> [[[f64; 2]; 2]; 2] {
+        match self {
+            Profile::Linear => [[[0.5, 0.0], [0.5, 0.0]], [[0.0; 2]; 2]],
+            Profile::Corrected(share) => {
+                [[[0.5, 0.25 * share * edge], [0.5, -0.25 * share * edge]], [[0.0, 0.5], [0.0, 0.5]]]
+            }
+            Profile::Hermite => {
+                [[[0.5, 0.125 * edge], [0.5, -0.125 * edge]], [[-1.5 / edge, -0.25], [1.5 / edge, -0.25]]]
+            }
+        }
+    }
+}
+
+/// Whether cells of different size can meet without a jump under this interpolation: those that are continuous themselves can.
+pub fn can_be_continuous(interpolation: &Interpolation) -> bool {
+    Profile::of(interpolation).is_some()
+}
+
+/// What all cells of one size share.
+#[derive(Clone, Debug)]
+struct Scale<T> {
+    size: u32,
+    /// Over the cell.
+    grid: Grid<T>,
+    /// Over one of its eight parts.
+    part: Grid<T>,
+    /// [`Profile::middle`] along the axes, then as weights of the cell's ends for the nodes 0, 1 and 2 of an edge:
+    /// `[axis][node][what][end][of what]`.
+    transfer: [[[[[T; 2]; 2]; 2]; 3]; 3],
+}
+
+impl<T: Real> Scale<T> {
+    fn new(cells: &Cells, size: u32, interpolation: &Interpolation) -> Self {
+        let unit = cells.unit();
+        let derivatives = [interpolation.uses_derivatives(); 3];
+        let half = unit.map(|u| 0.5 * u * f64::from(size));
+        let profile = Profile::of(interpolation).unwrap_or(Profile::Linear);
+        let transfer = std::array::from_fn(|axis| {
+            let end = |this: usize| -> [[[f64; 2]; 2]; 2] {
+                std::array::from_fn(|what| {
+                    std::array::from_fn(|end| {
+                        std::array::from_fn(|of| if end == this && of == what { 1.0 } else { 0.0 })
+                    })
+                })
+            };
+            let nodes = [end(0), profile.middle(2.0 * half[axis]), end(1)];
+            nodes.map(|what| what.map(|end| end.map(|of| of.map(T::of))))
+        });
+        Self {
+            size,
+            grid: Grid::new([2; 3], half, derivatives),
+            part: Grid::new([2; 3], half.map(|h| 0.5 * h), derivatives),
+            transfer,
+        }
+    }
+}
+
+/// The weights of samples at the corners of cells.
+#[derive(Clone, Debug)]
+pub struct CellModel<T> {
+    cells: Arc<Cells>,
+    interpolation: Interpolation,
+    profile: Option<Profile>,
+    half: [T; 3],
+    unit: [T; 3],
+    per_unit: [T; 3],
+    scales: Vec<Scale<T>>,
+    /// Vectors of a sample.
+    vectors: usize,
+}
+
+impl<T: Real> CellModel<T> {
+    pub fn new(cells: Arc<Cells>, interpolation: Interpolation, across: Across) -> Self {
+        let mut sizes: Vec<u32> = cells.cells.iter().map(|cell| cell.size).collect();
+        sizes.sort_unstable();
+        sizes.dedup();
+        let unit = cells.unit();
+        Self {
+            interpolation,
+            profile: Profile::of(&interpolation).filter(|_| across == Across::Continuous),
+            half: cells.half.map(T::of),
+            unit: unit.map(T::of),
+            per_unit: unit.map(|u| T::of(1.0 / u)),
+            scales: sizes.iter().map(|size| Scale::new(&cells, *size, &interpolation)).collect(),
+            vectors: if interpolation.uses_derivatives() { 4 } else { 1 },
+            cells,
+        }
+    }
+
+    pub fn cells(&self) -> &Cells {
+        &self.cells
+    }
+
+    /// The cell that holds box coordinates, which are clamped to the box.
+    #[inline]
+    pub fn cell_at(&self, q: Vector3<T>) -> usize {
+        let q = q.to_array();
+        self.cells.locate(std::array::from_fn(|axis| {
+            let along = (q[axis].max(-self.half[axis]).min(self.half[axis]) + self.half[axis]) * self.per_unit[axis];
+            along.to_u32().unwrap_or(0).min(self.cells.resolution[axis] - 1)
+        }))
+    }
+
+    /// The weights at `q` by one cell; outside it `q` is clamped to the cell.
+    #[inline]
+    pub fn taps_of_cell(&self, index: usize, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
+        let cell = &self.cells.cells[index];
+        let scale = self.scales.iter().find(|scale| scale.size == cell.size).expect("a scale for every size");
+        let q = q.to_array();
+        let local: [T; 3] = std::array::from_fn(|axis| {
+            let low = T::of(f64::from(cell.low[axis])) * self.unit[axis] - self.half[axis];
+            q[axis] - low - scale.grid.axes[axis].half
+        });
+        if let (Some(profile), Some(nodes)) = (self.profile, self.cells.hanging(index)) {
+            return self.blended(profile, scale, &cell.corners, nodes, local, tap);
+        }
+        self.interpolation.taps(&scale.grid, local, &mut |first: usize, offset, weight| {
+            let vector = first + offset;
+            tap(cell.corners[vector / self.vectors] as usize * self.vectors + vector % self.vectors, weight);
+        });
+    }
+
+    /// A cell with finer neighbours, as its eight parts: a node of a part is a finer neighbour's sample where there is one, else what
+    /// the cell's own corners give there. Where nothing hangs on a face, its parts give what the undivided face gives, so that both
+    /// sides of every face agree: the finer side has the same nodes, the coarser or equal side the same corners.
+    #[inline]
+    fn blended(
+        &self,
+        profile: Profile,
+        scale: &Scale<T>,
+        corners: &[u32; 8],
+        table: &[u32; 27],
+        local: [T; 3],
+        tap: &mut impl FnMut(usize, T),
+    ) {
+        let upper: [usize; 3] = std::array::from_fn(|axis| usize::from(local[axis] > T::zero()));
+        let along: [Nodes<T>; 3] = std::array::from_fn(|axis| {
+            let part = &scale.part.axes[axis];
+            profile.nodes(part, if upper[axis] == 1 { local[axis] - part.half } else { local[axis] + part.half })
+        });
+        let slopes = self.vectors > 1;
+        let mut own = [[T::zero(); 4]; 8];
+        for node in 0..8usize {
+            let side: [usize; 3] = std::array::from_fn(|axis| node >> axis & 1);
+            let at: [usize; 3] = std::array::from_fn(|axis| upper[axis] + side[axis]);
+            let sample = table[at[0] + 3 * at[1] + 9 * at[2]];
+            // weights of the node's value and derivatives, mixed ones too: bits of `jet` say along which axes
+            for jet in 0..if slopes { 8usize } else { 1 } {
+                let weight = (0..3).fold(T::one(), |product, axis| {
+                    let nodes = &along[axis];
+                    product * if jet >> axis & 1 == 1 { nodes.slope[side[axis]] } else { nodes.value[side[axis]] }
+                });
+                if weight == T::zero() {
+                    continue;
+                }
+                if sample != NONE {
+                    // samples have no mixed derivatives
+                    if jet.count_ones() < 2 {
+                        let slot = if jet == 0 { 0 } else { 1 + jet.trailing_zeros() as usize };
+                        tap(sample as usize * self.vectors + slot, weight);
+                    }
+                    continue;
+                }
+                for (corner, own) in own.iter_mut().enumerate() {
+                    let of = |axis: usize, derived: usize| {
+                        scale.transfer[axis][at[axis]][jet >> axis & 1][corner >> axis & 1][derived]
+                    };
+                    let values = [of(0, 0), of(1, 0), of(2, 0)];
+                    own[0] += weight * values[0] * values[1] * values[2];
+                    if slopes {
+                        own[1] += weight * of(0, 1) * values[1] * values[2];
+                        own[2] += weight * values[0] * of(1, 1) * values[2];
+                        own[3] += weight * values[0] * values[1] * of(2, 1);
+                    }
+                }
+            }
+        }
+        for (corner, weights) in own.iter().enumerate() {
+            for (slot, weight) in weights.iter().take(self.vectors).enumerate() {
+                if *weight != T::zero() {
+                    tap(corners[corner] as usize * self.vectors + slot, *weight);
+                }
+            }
+        }
+    }
+}
+
+impl<T: Real> RigModel<T> for CellModel<T> {
+    #[inline]
+    fn taps(&self, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
+        self.taps_of_cell(self.cell_at(q), q, tap);
+    }
+}
+
+/// The weights of a volume of any kind.
+#[derive(Clone, Debug)]
+pub enum VolumeModel<T> {
+    /// One grid: a lattice over the whole box.
+    Grid(Model<T>),
+    Cells(CellModel<T>),
+}
+
+impl<T: Real> RigModel<T> for VolumeModel<T> {
+    fn taps(&self, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
+        match self {
+            VolumeModel::Grid(model) => model.taps(q, tap),
+            VolumeModel::Cells(model) => model.taps(q, tap),
+        }
+    }
+
+    fn irradiance<const C: usize>(
+        &self,
+        vectors: &ShVectors<T>,
+        points: &LocalPoints<T>,
+        out: &mut [crate::math::Rgb<T>],
+    ) {
+        match self {
+            VolumeModel::Grid(model) => model.irradiance::<C>(vectors, points, out),
+            VolumeModel::Cells(model) => model.irradiance::<C>(vectors, points, out),
+        }
+    }
+}
