@@ -27,4 +27,5 @@ pub mod reference;
 pub mod candidate;
 pub mod run;
 pub mod figure;
+pub mod report;
 pub mod cli;

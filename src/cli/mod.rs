@@ -10,6 +10,7 @@ mod man;
 mod metrics;
 mod plan;
 mod query;
+mod report;
 mod run;
 mod schema;
 mod selection;
@@ -52,6 +53,7 @@ verbs! {
     Plan => plan,
     Run => run,
     Query => query,
+    Report => report,
     Figures => figures,
     Metrics => metrics,
     Doctor => doctor,

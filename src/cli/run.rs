@@ -43,6 +43,9 @@ pub struct Run {
     /// Draw no figures
     #[arg(long)]
     no_figures: bool,
+    /// Write no report.html
+    #[arg(long)]
+    no_report: bool,
 }
 
 impl Run {
@@ -96,6 +99,9 @@ impl Run {
         }
         print(summary(&table))?;
         say_claims(&experiment, &swept, &store)?;
+        if !self.no_report && !swept.interrupted {
+            super::report::write(store.root())?;
+        }
         let mut exit = say_thresholds(&experiment, &swept);
         if swept.interrupted {
             exit = exit.and(Exit::Interrupted);

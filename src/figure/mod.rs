@@ -29,6 +29,7 @@ use std::path::Path;
 use crate::output::write_whole;
 pub use draw_all::{figures_of, redraw};
 use drawing::Drawing;
+pub(crate) use svg::base64;
 use table::Table;
 
 /// A drawing and the data that it was made of.

@@ -13,9 +13,45 @@ use crate::cost::pareto::{Halving, front, halving};
 const FRAME: &str = "frame_us_1m";
 const VECTORS: &str = "sh_vectors";
 
+/// A rig that won something: its median error and cost over the cases.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Champion {
+    pub name: String,
+    /// nRMSE.
+    pub error: f64,
+    /// Microseconds a million points; SH vectors where nothing was timed.
+    pub cost: Option<f64>,
+}
+
+/// What the summary of one backend and adapter comes to.
+#[derive(Clone, Debug)]
+pub struct Verdict {
+    pub heading: String,
+    pub candidates: usize,
+    pub cases: usize,
+    pub timed: bool,
+    /// Best quality per cost.
+    pub best: Option<Champion>,
+    /// The rig of the least error.
+    pub least: Option<Champion>,
+    /// What each halving of the error costs: a sentence.
+    pub halving: String,
+}
+
+/// The verdict on each backend and adapter.
+pub fn verdicts(table: &Table) -> Vec<Verdict> {
+    let pooled = table.pooled();
+    let rows = named_first(&pooled.rows().collect::<Vec<_>>());
+    groups(rows, &["backend", "adapter"])
+        .into_iter()
+        .map(|group| part(&machine(group.key[0], group.key[1]), &comparable(&group.rows)).verdict)
+        .collect()
+}
+
 /// One backend and adapter of the summary.
 struct Part {
     heading: String,
+    verdict: Verdict,
     header: Vec<String>,
     lines: Vec<Vec<String>>,
     notes: Vec<String>,
@@ -132,8 +168,22 @@ fn part(heading: &str, rows: &[Row]) -> Part {
             on_front.filter_map(|r| Some((cost[r][c]?, nrmse[r][c]?))).collect()
         })
         .collect();
-    notes.push(halving_sentence(&members, floor, cost_name));
-    Part { heading: heading.to_owned(), header, lines, notes }
+    let halving = halving_sentence(&members, floor, cost_name);
+    notes.push(halving.clone());
+    let middle =
+        |values: &[Vec<Option<f64>>], r: usize| Samples(values[r].iter().flatten().copied().collect()).median();
+    let champion =
+        |r: usize| Some(Champion { name: matrix.names[r].clone(), error: middle(&nrmse, r)?, cost: middle(&cost, r) });
+    let verdict = Verdict {
+        heading: heading.to_owned(),
+        candidates: matrix.names.len(),
+        cases,
+        timed,
+        best: candidates.clone().find(|r| is_best(*r)).and_then(champion),
+        least: candidates.filter(|r| is_rig(*r)).filter_map(champion).min_by(|a, b| a.error.total_cmp(&b.error)),
+        halving,
+    };
+    Part { heading: heading.to_owned(), verdict, header, lines, notes }
 }
 
 /// Columns of the summary: of the results, title, how it is written, factor to the unit that is written.

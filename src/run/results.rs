@@ -166,6 +166,7 @@ pub fn write(experiment: &Experiment, sweep: &Sweep, store: &Store) -> Result<()
             "command": command_of(experiment),
         },
         "effects": effects,
+        "claims": experiment.claims.iter().map(|c| json!({ "name": c.name, "says": c.says })).collect::<Vec<_>>(),
         "columns": COLUMNS.iter().map(|c| json!({ "name": c.name, "unit": c.unit, "description": c.description })).collect::<Vec<_>>(),
         "rows": json_rows,
     });

@@ -1,0 +1,225 @@
+//! A headless Chromium, driven over the DevTools protocol through its debugging pipe: JSON messages that end with a zero byte.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+
+pub struct Browser {
+    child: Child,
+    to: File,
+    from: BufReader<File>,
+    messages: u64,
+    session: Option<String>,
+    /// What the page did unasked: console messages, exceptions, requests.
+    pub events: Vec<Value>,
+    done: Arc<AtomicBool>,
+    _profile: tempfile::TempDir,
+}
+
+/// Longer than any test of a page may take; then the browser is ended, and the test fails on the closed pipe.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+fn executable() -> Option<PathBuf> {
+    let names = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
+    let path = std::env::var_os("PATH")?;
+    std::env::split_paths(&path).flat_map(|folder| names.map(|name| folder.join(name))).find(|p| p.exists())
+}
+
+impl Browser {
+    /// None, with a word about it, where there is no browser and none is required.
+    pub fn start() -> Option<Self> {
+        let Some(executable) = executable() else {
+            assert!(std::env::var_os("RIGBENCH_REQUIRE_BROWSER").is_none(), "RIGBENCH_REQUIRE_BROWSER is set and there is no Chromium");
+            eprintln!("skipped: no Chromium on this machine (apt-get install chromium)");
+            return None;
+        };
+        let profile = tempfile::tempdir().unwrap();
+        let pipe = |name: &str| {
+            let path = profile.path().join(name);
+            assert!(Command::new("mkfifo").arg(&path).status().unwrap().success());
+            path
+        };
+        let (input, output) = (pipe("in"), pipe("out"));
+        let child = Command::new("sh")
+            .args(["-c", "exec \"$0\" \"$@\" 3<\"$PIPE_IN\" 4>\"$PIPE_OUT\""])
+            .arg(&executable)
+            .args(["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--remote-debugging-pipe"])
+            .args(["--disable-background-networking", "--disable-component-update", "--disable-extensions"])
+            .args(["--force-color-profile=srgb", "--force-device-scale-factor=1", "--window-size=1280,900"])
+            .arg(format!("--user-data-dir={}", profile.path().join("profile").display()))
+            .env("PIPE_IN", &input)
+            .env("PIPE_OUT", &output)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let done = Arc::new(AtomicBool::new(false));
+        let (id, finished) = (child.id(), done.clone());
+        std::thread::spawn(move || {
+            let begun = Instant::now();
+            while begun.elapsed() < PATIENCE {
+                std::thread::sleep(Duration::from_millis(200));
+                if finished.load(Ordering::Relaxed) {
+                    return;
+                }
+            }
+            let _ = Command::new("kill").arg(id.to_string()).status();
+        });
+        // the shell opens them in this order
+        let to = File::options().write(true).open(&input).unwrap();
+        let from = BufReader::new(File::open(&output).unwrap());
+        let mut browser =
+            Self { child, to, from, messages: 0, session: None, events: Vec::new(), done, _profile: profile };
+        let target = browser.call("Target.createTarget", json!({ "url": "about:blank" }));
+        let attached =
+            browser.call("Target.attachToTarget", json!({ "targetId": target["targetId"], "flatten": true }));
+        browser.session = Some(attached["sessionId"].as_str().unwrap().to_owned());
+        for domain in ["Page", "Runtime", "Log", "Network"] {
+            browser.call(&format!("{domain}.enable"), json!({}));
+        }
+        Some(browser)
+    }
+
+    fn receive(&mut self) -> Value {
+        let mut bytes = Vec::new();
+        self.from.read_until(0, &mut bytes).unwrap();
+        assert_eq!(bytes.pop(), Some(0), "the browser has gone");
+        serde_json::from_slice(&bytes).unwrap()
+    }
+
+    /// One command of the protocol; its answer.
+    pub fn call(&mut self, method: &str, parameters: Value) -> Value {
+        self.messages += 1;
+        let id = self.messages;
+        let mut message = json!({ "id": id, "method": method, "params": parameters });
+        if let Some(session) = &self.session {
+            message["sessionId"] = json!(session);
+        }
+        self.to.write_all(format!("{message}\0").as_bytes()).unwrap();
+        loop {
+            let mut answer = self.receive();
+            if answer["id"] == id {
+                assert!(answer["error"].is_null(), "{method}: {}", answer["error"]);
+                return answer["result"].take();
+            }
+            if answer.get("method").is_some() {
+                self.events.push(answer);
+            }
+        }
+    }
+
+    /// Opens a page and waits until it is whole.
+    pub fn open(&mut self, url: &str) {
+        self.events.clear();
+        self.call("Page.navigate", json!({ "url": url }));
+        self.wait_for("document.readyState === 'complete' && location.href !== 'about:blank'");
+    }
+
+    /// The value of an expression in the page; promises are waited for.
+    pub fn evaluate(&mut self, expression: &str) -> Value {
+        let mut answer = self.call(
+            "Runtime.evaluate",
+            json!({ "expression": expression, "awaitPromise": true, "returnByValue": true, "userGesture": true }),
+        );
+        assert!(answer["exceptionDetails"].is_null(), "{expression}: {}", answer["exceptionDetails"]);
+        answer["result"]["value"].take()
+    }
+
+    pub fn wait_for(&mut self, condition: &str) {
+        let begun = Instant::now();
+        while self.evaluate(&format!("Boolean({condition})")) != json!(true) {
+            assert!(begun.elapsed() < Duration::from_secs(30), "waited in vain for {condition}");
+            std::thread::sleep(Duration::from_millis(30));
+        }
+    }
+
+    /// A real click on the middle of the first element that a selector finds.
+    pub fn click(&mut self, selector: &str) {
+        let [x, y] = self.middle(selector);
+        for kind in ["mouseMoved", "mousePressed", "mouseReleased"] {
+            let button = if kind == "mouseMoved" { "none" } else { "left" };
+            self.call("Input.dispatchMouseEvent", json!({ "type": kind, "x": x, "y": y, "button": button, "clickCount": 1 }));
+        }
+    }
+
+    pub fn hover(&mut self, selector: &str) {
+        let [x, y] = self.middle(selector);
+        self.call("Input.dispatchMouseEvent", json!({ "type": "mouseMoved", "x": x, "y": y }));
+    }
+
+    fn middle(&mut self, selector: &str) -> [f64; 2] {
+        let quoted = json!(selector);
+        let place = self.evaluate(&format!(
+            "(() => {{ const e = document.querySelector({quoted}); if (!e) return null; e.scrollIntoView({{ block: 'center', behavior: 'instant' }}); \
+             const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]; }})()"
+        ));
+        assert!(place.is_array(), "no element {selector}");
+        [place[0].as_f64().unwrap(), place[1].as_f64().unwrap()]
+    }
+
+    /// A real key on what has the focus.
+    pub fn press(&mut self, key: &str, code: u32) {
+        let text = if key.chars().count() == 1 { key } else { "" };
+        self.call("Input.dispatchKeyEvent", json!({ "type": "keyDown", "key": key, "windowsVirtualKeyCode": code, "text": text }));
+        self.call("Input.dispatchKeyEvent", json!({ "type": "keyUp", "key": key, "windowsVirtualKeyCode": code }));
+    }
+
+    /// Errors and warnings that the page has caused so far.
+    pub fn complaints(&mut self) -> Vec<String> {
+        self.evaluate("0");
+        let told = |e: &Value| match e["method"].as_str().unwrap_or_default() {
+            "Runtime.exceptionThrown" => true,
+            "Runtime.consoleAPICalled" => matches!(e["params"]["type"].as_str(), Some("error" | "warning" | "assert")),
+            "Log.entryAdded" => matches!(e["params"]["entry"]["level"].as_str(), Some("error" | "warning")),
+            _ => false,
+        };
+        self.events.iter().filter(|e| told(e)).map(Value::to_string).collect()
+    }
+
+    /// Addresses that the page asked for.
+    pub fn requests(&mut self) -> Vec<String> {
+        self.evaluate("0");
+        let asked = self.events.iter().filter(|e| e["method"] == "Network.requestWillBeSent");
+        asked.map(|e| e["params"]["request"]["url"].as_str().unwrap_or_default().to_owned()).collect()
+    }
+
+    /// Media features and type as the page sees them.
+    pub fn emulate(&mut self, media: &str, scheme: &str) {
+        let features = json!([{ "name": "prefers-color-scheme", "value": scheme }]);
+        self.call("Emulation.setEmulatedMedia", json!({ "media": media, "features": features }));
+    }
+
+    /// A picture of what is in the window, for people, where RIGBENCH_SCREENSHOTS names a folder.
+    pub fn screenshot(&mut self, name: &str) {
+        let Some(folder) = std::env::var_os("RIGBENCH_SCREENSHOTS") else { return };
+        let answer = self.call("Page.captureScreenshot", json!({ "format": "png" }));
+        let text = answer["data"].as_str().unwrap();
+        let path = Path::new(&folder).join(name);
+        std::fs::create_dir_all(&folder).unwrap();
+        std::fs::write(path.with_extension("base64"), text).unwrap();
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        self.done.store(true, Ordering::Relaxed);
+        // the whole of it goes with the first process
+        let _ = self.to.write_all(b"{\"id\":0,\"method\":\"Browser.close\"}\0");
+        let begun = Instant::now();
+        while begun.elapsed() < Duration::from_secs(5) {
+            if matches!(self.child.try_wait(), Ok(Some(_))) {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
