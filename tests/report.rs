@@ -145,19 +145,28 @@ fn a_reader_finds_the_answer_the_failures_the_runs_and_the_pictures() {
 
     // nothing but the file itself was asked for
     let requests = b.requests();
-    assert!(!requests.is_empty() && requests.iter().all(|r| r.starts_with("file://") || r.starts_with("data:")), "{requests:?}");
+    assert!(
+        !requests.is_empty() && requests.iter().all(|r| r.starts_with("file://") || r.starts_with("data:")),
+        "{requests:?}"
+    );
     assert_eq!(b.evaluate("document.querySelectorAll('script[src], link[rel=stylesheet], img').length"), json!(0));
 
     // the answer first, then what failed, then all else
     let answer = b.evaluate("document.querySelector('.answer').textContent");
     let answer = answer.as_str().unwrap();
-    assert!(answer.contains("buys most quality per cost") || answer.contains("both the best quality per cost"), "{answer}");
-    assert!(answer.contains("Each halving of the error") || answer.contains("front has only two points"), "{answer}");
+    assert!(
+        answer.contains("buys most quality per cost") || answer.contains("both the best quality per cost"),
+        "{answer}"
+    );
+    assert!(answer.to_lowercase().contains("each halving of the error"), "{answer}");
     let sections = b.evaluate("[...document.querySelectorAll('main > section')].map((s) => s.id)");
     let sections: Vec<String> = serde_json::from_value(sections).unwrap();
     assert_eq!(sections[0], "trouble");
     let trouble = b.evaluate("document.querySelector('#trouble').textContent");
-    assert!(trouble.as_str().unwrap().contains(FAILED) && trouble.as_str().unwrap().contains("1 run failed"), "{trouble}");
+    assert!(
+        trouble.as_str().unwrap().contains(FAILED) && trouble.as_str().unwrap().contains("1 run failed"),
+        "{trouble}"
+    );
     let claim = b.evaluate("document.querySelector('#claims summary').textContent");
     assert!(claim.as_str().unwrap().contains("more samples are better"), "{claim}");
 
@@ -171,7 +180,10 @@ fn a_reader_finds_the_answer_the_failures_the_runs_and_the_pictures() {
     b.click("#runs th[data-column=nrmse] button");
     let descending: Vec<String> = column(b, "nrmse");
     assert!(descending[..7].iter().rev().eq(ascending[..7].iter()) && descending[7].is_empty(), "{descending:?}");
-    assert_eq!(b.evaluate("document.querySelector('th[data-column=nrmse]').getAttribute('aria-sort')"), json!("descending"));
+    assert_eq!(
+        b.evaluate("document.querySelector('th[data-column=nrmse]').getAttribute('aria-sort')"),
+        json!("descending")
+    );
     b.click("#runs th[data-column=name] button");
     let names = column(b, "name");
     assert!(names.windows(2).all(|w| w[0] <= w[1]), "{names:?}");
@@ -210,11 +222,13 @@ fn a_reader_finds_the_answer_the_failures_the_runs_and_the_pictures() {
     let plan: Vec<&str> = ["plan"].iter().chain(&words[2..]).copied().collect();
     let (exit, out, log) = rigbench(project.folder.path(), &plan);
     assert_eq!(exit, 0, "{command}: {log}");
-    let planned: Vec<&str> = out.lines().skip(1).take_while(|l| l.starts_with(|c: char| c.is_ascii_hexdigit())).collect();
+    let planned: Vec<&str> =
+        out.lines().skip(1).take_while(|l| l.starts_with(|c: char| c.is_ascii_hexdigit())).collect();
     assert_eq!(planned.len(), 1, "{out}");
     assert!(planned[0].starts_with(&eight), "{out}");
     // its links are files that exist
-    let links = b.evaluate("[...document.querySelectorAll('#run a')].map((a) => a.href).filter((h) => !h.includes('#'))");
+    let links =
+        b.evaluate("[...document.querySelectorAll('#run a')].map((a) => a.href).filter((h) => !h.includes('#'))");
     let links: Vec<String> = serde_json::from_value(links).unwrap();
     assert_eq!(links.len(), 3, "{links:?}");
     for link in &links {
@@ -227,7 +241,9 @@ fn a_reader_finds_the_answer_the_failures_the_runs_and_the_pictures() {
     let tip = b.evaluate("document.getElementById('tip').hidden ? '' : document.getElementById('tip').textContent");
     assert!(tip.as_str().unwrap().contains("nRMSE"), "{tip}");
     b.click("#fronts .plot a circle");
-    b.wait_for(&format!("location.hash === {first} && document.getElementById('run').dataset.run === {first}.slice(5)"));
+    b.wait_for(&format!(
+        "location.hash === {first} && document.getElementById('run').dataset.run === {first}.slice(5)"
+    ));
     // every point and every link inside the page has its goal
     let lost = b.evaluate(
         "[...document.querySelectorAll('a[href^=\"#\"]')].map((a) => a.getAttribute('href')).filter((h) => \
@@ -272,7 +288,9 @@ fn a_reader_finds_the_answer_the_failures_the_runs_and_the_pictures() {
 
 fn pictures(b: &mut Browser, project: &Project, run: &str) {
     b.evaluate(&format!("location.hash = '#view-{run}'"));
-    let ready = format!("document.getElementById('v-run').value === '{run}' && document.getElementById('v-state').textContent.includes('eight')");
+    let ready = format!(
+        "document.getElementById('v-run').value === '{run}' && document.getElementById('v-state').textContent.includes('eight')"
+    );
     b.wait_for(&ready);
     b.screenshot("viewer");
     let [reference, candidate, error] = ["reference", "candidate", "error"].map(|pane| pixels(b, pane));
@@ -324,7 +342,9 @@ fn pictures(b: &mut Browser, project: &Project, run: &str) {
     assert!(left != right && both != left && both != right);
     // flicker, by hand
     b.click("input[name=v-mode][value=flicker]");
-    b.evaluate("document.getElementById('v-flick').textContent === 'Stop' && document.getElementById('v-flick').click()");
+    b.evaluate(
+        "document.getElementById('v-flick').textContent === 'Stop' && document.getElementById('v-flick').click()",
+    );
     b.evaluate("document.querySelector('#pane-candidate canvas').focus()");
     let one = pixels(b, "candidate");
     b.press("f", 70);
@@ -366,11 +386,28 @@ fn pictures(b: &mut Browser, project: &Project, run: &str) {
 /// A results folder of as many candidates, each with a picture, as the program would have written it.
 fn many(folder: &Path, count: usize, size: (usize, usize)) {
     let columns = [
-        "run", "experiment", "scene", "lights", "rig", "order", "backend", "status", "nrmse", "truncation_nrmse",
-        "interpolation_nrmse", "sh_vectors", "setup_us", "setup_us_mad", "eval_ns_per_point", "frame_us_1m", "pareto", "note",
+        "run",
+        "experiment",
+        "scene",
+        "lights",
+        "rig",
+        "order",
+        "backend",
+        "status",
+        "nrmse",
+        "truncation_nrmse",
+        "interpolation_nrmse",
+        "sh_vectors",
+        "setup_us",
+        "setup_us_mad",
+        "eval_ns_per_point",
+        "frame_us_1m",
+        "pareto",
+        "note",
     ];
     let mut table = Table::new(&columns);
-    let reference = Picture::from_fn(size.0, size.1, |x, y| [1.0 + (x as f32 / 9.0).sin(), 1.0 + (y as f32 / 7.0).cos(), 0.5]);
+    let reference =
+        Picture::from_fn(size.0, size.1, |x, y| [1.0 + (x as f32 / 9.0).sin(), 1.0 + (y as f32 / 7.0).cos(), 0.5]);
     let albedo = Picture::filled(size.0, size.1, [0.6, 0.5, 0.4]);
     for i in 0..count {
         let error = 0.3 / (1.0 + i as f64);
@@ -412,7 +449,11 @@ fn two_hundred_candidates_stay_small_and_smooth() {
     many(folder.path(), 200, size);
     let begun = std::time::Instant::now();
     let written = rigbench::report::write(folder.path()).unwrap();
-    eprintln!("200 candidates of {size:?}: {:.1} s, {:.1} MB", begun.elapsed().as_secs_f64(), written.bytes as f64 / 1e6);
+    eprintln!(
+        "200 candidates of {size:?}: {:.1} s, {:.1} MB",
+        begun.elapsed().as_secs_f64(),
+        written.bytes as f64 / 1e6
+    );
     assert_eq!(written.pictures, 200);
     assert!(written.bytes < 60_000_000, "{}", written.bytes);
     // fewer pixels, less text: what the pictures take follows from their number

@@ -1,5 +1,6 @@
 //! What was asked and the answer, in two sentences.
 
+use super::hard_cases;
 use super::stored::Stored;
 use crate::figure::scale::Format;
 use crate::figure::summary::{Verdict, verdicts};
@@ -18,6 +19,9 @@ impl Answer {
             "" => stored.name(),
             title => title.to_owned(),
         };
+        if stored.points.is_some() {
+            return hard_cases::answer(stored, question);
+        }
         let mut verdicts = verdicts(&stored.table);
         // what a software adapter takes is nobody's frame time
         verdicts.sort_by_key(|v| is_software(&v.heading));

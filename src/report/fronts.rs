@@ -16,7 +16,7 @@ const COSTS: [Cost; 2] = [
     ("frame_us_1m", "frame time, a million points", Format::Unit("s"), 1e-6),
     ("sh_vectors", "SH vectors kept", Format::Plain, 1.0),
 ];
-const SIZE: (f64, f64) = (520.0, 340.0);
+pub(super) const SIZE: (f64, f64) = (520.0, 340.0);
 const TEXT: f64 = 12.0;
 
 /// One candidate in a plot.
@@ -161,7 +161,7 @@ pub fn split(group: &Group) -> Option<Markup> {
     })
 }
 
-fn axes(panel: &Panel) -> Markup {
+pub(super) fn axes(panel: &Panel) -> Markup {
     let a = &panel.area;
     let horizontal = panel.x.scale.ticks(a.width, panel.x.format, true);
     let vertical = panel.y.scale.ticks(a.height, panel.y.format, false);
@@ -182,7 +182,7 @@ fn axes(panel: &Panel) -> Markup {
     }
 }
 
-fn listed(points: &[[f64; 2]]) -> String {
+pub(super) fn listed(points: &[[f64; 2]]) -> String {
     points.iter().map(|p| format!("{},{}", short(p[0]), short(p[1]))).collect::<Vec<_>>().join(" ")
 }
 

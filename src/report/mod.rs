@@ -3,6 +3,7 @@
 
 mod answer;
 mod fronts;
+mod hard_cases;
 mod page;
 mod pixels;
 mod stored;

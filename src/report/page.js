@@ -39,7 +39,7 @@
     if (column.includes('_ns')) return unit(v * 1e-9, 's');
     if (column.endsWith('_bytes')) return unit(v, 'B');
     const about = data.about[column] || {};
-    if (about.kind === 'quality' || about.kind === 'cost') return digits(v) + (about.unit ? ' ' + about.unit : '');
+    if (about.kind === 'quality' || about.kind === 'cost') return digits(v) + (about.unit ? ' ' + about.unit.replace('^2', '²') : '');
     return t;
   };
 
@@ -76,6 +76,7 @@
   });
 
   // ---- one run -----------------------------------------------------------------------------------------------------------
+  const part = (column, t) => (t === '' || column === 'receiver' || column === 'frame' || Number.isNaN(Number(t)) ? t : shares.has(column) ? percent(Number(t)) : digits(Number(t)));
   const runSection = $('run');
   const definitions = (pairs) => {
     const list = make('dl');
@@ -106,12 +107,12 @@
     const close = make('button', { type: 'button' }, 'Close');
     close.addEventListener('click', () => { runSection.hidden = true; });
     runSection.append(make('div', { class: 'bar' }, make('h2', { tabindex: -1 }, about.name), close));
-    runSection.append(make('p', { class: 'help' }, [text(row, 'scene'), text(row, 'lights'), text(row, 'backend'), text(row, 'adapter')].filter(Boolean).join(' · ')));
+    runSection.append(make('p', { class: 'help' }, [text(row, 'family'), text(row, 'scene'), text(row, 'lights'), text(row, 'backend'), text(row, 'adapter')].filter(Boolean).join(' · ')));
     if (text(row, 'status') !== 'ok' && text(row, 'status') !== '') {
       runSection.append(make('p', {}, make('strong', {}, text(row, 'status')), ': ' + text(row, 'note')));
     }
     const columns = make('div', { class: 'columns' });
-    const part = (title, ...content) => columns.append(make('div', {}, make('h3', {}, title), ...content));
+    const add = (title, ...content) => columns.append(make('div', {}, make('h3', {}, title), ...content));
     const errors = [['the order', 'truncation_nrmse', '--order'], ['the rig', 'interpolation_nrmse', '--rig'], ['together', 'nrmse', '--ink']]
       .map(([name, column, colour]) => [name, value(row, column), colour]).filter((e) => e[1] !== null);
     if (errors.length) {
@@ -123,23 +124,24 @@
         fill.style.background = `var(${colour})`;
         bars.append(make('span', {}, name), make('span', { class: 'rail' }, fill), make('span', { class: 'number' }, percent(v)));
       }
-      part('Where the error comes from', bars);
+      add('Where the error comes from', bars);
     }
-    if (about.setup_us) part('Setup of a frame, every sample', spread(about.setup_us, 's', 1e-6));
-    if (about.eval_ns && about.eval_ns.length) part('Evaluation of a point, every sample', spread(about.eval_ns, 's', 1e-9));
+    if (about.setup_us) add('Setup of a frame, every sample', spread(about.setup_us, 's', 1e-6));
+    if (about.eval_ns && about.eval_ns.length) add('Evaluation of a point, every sample', spread(about.eval_ns, 's', 1e-9));
     for (const [kind, title] of [['quality', 'Quality'], ['cost', 'Cost'], ['identity', 'What it is'], ['circumstance', 'How it went']]) {
       const pairs = data.columns.filter((c) => (data.about[c] || {}).kind === kind && text(row, c) !== '')
         .map((c) => [c, written(c, text(row, c)), (data.about[c] || {}).says]);
       if (about.seconds !== undefined && kind === 'circumstance') pairs.push(['seconds', digits(about.seconds) + ' s to render and measure']);
-      if (pairs.length) part(title, definitions(pairs));
+      if (pairs.length) add(title, definitions(pairs));
     }
     runSection.append(columns);
     const parts = data.parts[key];
     if (parts) {
       const body = make('tbody');
-      for (const p of parts) body.append(make('tr', {}, ...p.map((t, i) => make('td', { class: i > 1 ? 'number' : null }, i > 1 && t !== '' ? (i === 5 ? digits(Number(t)) : percent(Number(t))) : t))));
-      const head = make('tr', {}, ...['receiver', 'frame', 'nRMSE', 'order', 'rig', 'largest error', 'jump'].map((h) => make('th', { scope: 'col' }, h)));
-      runSection.append(make('h3', {}, 'By receiver and frame'), make('div', { class: 'wide' }, make('table', {}, make('thead', {}, head), body)));
+      const numeric = (c) => c !== 'receiver' && c !== 'frame';
+      for (const p of parts) body.append(make('tr', {}, ...p.map((t, i) => make('td', { class: numeric(data.part_columns[i]) ? 'number' : null }, part(data.part_columns[i], t)))));
+      const head = make('tr', {}, ...data.part_columns.map((h) => make('th', { scope: 'col' }, h)));
+      runSection.append(make('h3', {}, data.part_columns[0] === 't' ? 'Along the parameter' : 'By receiver and frame'), make('div', { class: 'wide' }, make('table', {}, make('thead', {}, head), body)));
     }
     runSection.append(make('h3', {}, 'To make it again'), make('pre', { class: 'command' }, make('code', {}, about.command)));
     const links = make('p', {});
@@ -156,17 +158,18 @@
 
   // ---- the table -----------------------------------------------------------------------------------------------------------
   const shown = [
-    ['status', 'status'], ['name', 'rig'], ['scene', 'scene'], ['lights', 'lights'], ['backend', 'on'],
+    ['status', 'status'], ['family', 'family'], ['name', 'rig'], ['scene', 'scene'], ['lights', 'lights'], ['backend', 'on'],
     ['nrmse', 'nRMSE'], ['truncation_nrmse', 'the order'], ['interpolation_nrmse', 'the rig'], ['flip', 'FLIP'],
     ['sh_vectors', 'SH vectors'], ['model_bytes', 'size'], ['setup_us', 'setup'], ['eval_ns_per_point', 'evaluation / point'],
     ['frame_us_1m', 'frame, 1 M points'], ['pareto', 'front'],
+    ...(place.has('family') ? [['error', 'f32'], ['worst_t', 'at'], ['f64_error', 'f64'], ['naive_error', 'naive f32'], ['non_finite', 'not finite'], ['singular', 'singular']] : []),
   ].filter(([c]) => c === 'name' || data.rows.some((r) => text(r, c) !== ''));
   const nameOf = (row) => (data.runs[text(row, 'run')] || { name: text(row, 'rig') }).name;
   const cell = (row, column) => (column === 'name' ? nameOf(row) : text(row, column));
   const familyOf = (lights) => lights.split('#')[0];
   const selects = new Map();
   const filters = $('filters');
-  for (const column of ['scene', 'lights', 'rig', 'backend', 'status', ...data.varying.filter((c) => c !== 'receiver')]) {
+  for (const column of ['family', 'scene', 'lights', 'rig', 'backend', 'status', ...data.varying.filter((c) => c !== 'receiver')]) {
     const of = (r) => (column === 'lights' ? familyOf(text(r, column)) : text(r, column));
     const values = [...new Set(data.rows.map(of))].filter((v) => v !== '');
     if (values.length < 2) continue;
@@ -486,6 +489,7 @@
   const readPixel = () => {
     const n = view.now, p = view.pixel, table = $('v-pixel');
     const body = table.tBodies[0];
+    table.classList.toggle('pointed', Boolean(p));
     if (!p) { table.caption.textContent = 'Point at a pixel, or focus a picture and use the arrow keys, for its values.'; body.replaceChildren(); return; }
     const i = p.y * n.case.width + p.x, k = 3 * i;
     const all = ['magnitude', 'signed', 'relative', 'flip'].map((kind) => { const kept = view.error; view.error = kind; const v = errorAt(n, i); view.error = kept; return v; });

@@ -7,13 +7,14 @@ use serde_json::{Value, json};
 
 use super::answer::Answer;
 use super::fronts;
+use super::hard_cases;
 use super::pixels::Pictures;
 use super::stored::Stored;
 use super::trouble::{Trouble, trouble};
 use crate::experiment::{COLUMNS, ColumnKind};
 use crate::figure::base64;
 use crate::figure::colour_map::{ColourMap, NOT_A_NUMBER};
-use crate::figure::table::{Group, Row, groups, name, named_first, varying_axes};
+use crate::figure::table::{Group, Row, Table, groups, name, named_first, varying_axes};
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
@@ -52,7 +53,7 @@ pub fn page(stored: &Stored, pictures: &Pictures) -> String {
                     nav aria-label="sections" {
                         @if !troubles.is_empty() { a href="#trouble" { "Trouble" } }
                         @if claims.is_some() { a href="#claims" { "Claims" } }
-                        a href="#fronts" { "Quality against cost" }
+                        a href="#fronts" { @if stored.points.is_some() { "Error against the parameter" } @else { "Quality against cost" } }
                         @if has_pictures { a href="#viewer" { "Pictures" } }
                         a href="#table" { "All runs" }
                         a href="#effects" { "What was simulated" }
@@ -62,7 +63,10 @@ pub fn page(stored: &Stored, pictures: &Pictures) -> String {
                 main {
                     (trouble_section(&troubles))
                     @if let Some(claims) = claims { (claims) }
-                    (fronts_section(&cases))
+                    @match &stored.points {
+                        Some(points) => (curves_section(points)),
+                        None => (fronts_section(&cases)),
+                    }
                     section id="run" aria-live="polite" hidden {}
                     @if has_pictures { (viewer_section(pictures)) }
                     (table_section())
@@ -233,6 +237,28 @@ fn fronts_section(cases: &[Group]) -> Markup {
     }
 }
 
+/// The plots of hard cases: one is shown, the others are chosen.
+fn curves_section(points: &Table) -> Markup {
+    let plots = hard_cases::plots(points);
+    html! {
+        section id="fronts" {
+            h2 { "Error against the parameter" }
+            p class="help" {
+                "Each line is a model on a backend: hover or focus it for its name, follow it for its numbers. Relative error of f32 against f64; below the dotted line f32 keeps at least half of its digits. "
+                span class="key interpolation" { "CPU" } " " span class="key truncation" { "GPU" } " " span class="key plain" { "naive form" }
+            }
+            @if !plots.is_empty() {
+                label class="choose" { "Family " select id="front-case" {
+                    @for (i, (title, _)) in plots.iter().enumerate() { option value=(i) { (title) } }
+                } }
+            }
+            @for (i, (title, plot)) in plots.iter().enumerate() {
+                div class="case" data-case=(i) hidden[i > 0] { h3 { (title) } div class="plots" { figure { (plot) } } }
+            }
+        }
+    }
+}
+
 fn viewer_section(pictures: &Pictures) -> Markup {
     let shrunk = pictures.cases.iter().find(|c| c.full != (c.width, c.height));
     html! {
@@ -366,6 +392,9 @@ fn provenance_section(stored: &Stored) -> Markup {
     }
 }
 
+/// The columns of the row of a receiver or a frame that stand in the details of a run.
+const OF_PART: [&str; 7] = ["receiver", "frame", "nrmse", "truncation_nrmse", "interpolation_nrmse", "max_abs", "jump"];
+
 /// What the script works on.
 fn data(stored: &Stored, pictures: &Pictures) -> Value {
     let rows = stored.runs();
@@ -399,27 +428,43 @@ fn data(stored: &Stored, pictures: &Pictures) -> Value {
             (r.text("run").to_owned(), run)
         })
         .collect();
-    // rows of single receivers and frames stand in the details of their run
+    // rows of single receivers, frames and parameters stand in the details of their run
+    let (source, part_columns) = match &stored.points {
+        Some(points) => (points, &hard_cases::OF_POINT[..]),
+        None => (&stored.table, &OF_PART[..]),
+    };
+    let is_part = |r: &Row| !r.text("receiver").is_empty() || !r.text("frame").is_empty() || !r.text("t").is_empty();
     let mut parts: BTreeMap<&str, Vec<Value>> = BTreeMap::new();
-    for r in stored.table.rows().filter(|r| !r.text("receiver").is_empty() || !r.text("frame").is_empty()) {
+    for r in source.rows().filter(is_part) {
         let of_run = parts.entry(r.text("run")).or_default();
         if of_run.len() < 64 {
-            let values = ["receiver", "frame", "nrmse", "truncation_nrmse", "interpolation_nrmse", "max_abs", "jump"];
-            of_run.push(json!(values.map(|c| r.text(c))));
+            of_run.push(part_columns.iter().map(|c| json!(r.text(c))).collect());
         }
     }
+    let kept: Vec<usize> =
+        (0..part_columns.len()).filter(|i| parts.values().flatten().any(|row| row[*i] != json!(""))).collect();
+    for row in parts.values_mut().flatten() {
+        *row = kept.iter().map(|i| row[*i].clone()).collect();
+    }
+    let part_columns: Vec<&str> = kept.iter().map(|i| part_columns[*i]).collect();
     let about: serde_json::Map<String, Value> = columns
         .iter()
         .map(|c| {
-            let column = COLUMNS.iter().find(|known| known.name == **c);
-            let kind = match column.map(|c| c.kind) {
-                Some(ColumnKind::Identity) | None => "identity",
+            let said = stored.document["columns"].as_array().into_iter().flatten().find(|d| d["name"] == **c);
+            let says = |key: &str| said.and_then(|d| d[key].as_str()).unwrap_or_default().to_owned();
+            let (mut unit, mut description) = (says("unit"), says("description"));
+            let known = COLUMNS.iter().find(|known| known.name == **c);
+            let kind = match known.map(|k| k.kind) {
                 Some(ColumnKind::Circumstance) => "circumstance",
                 Some(ColumnKind::Quality) => "quality",
                 Some(ColumnKind::Cost) => "cost",
+                None if stored.points.is_some() && rows.iter().any(|r| r.number(c).is_some()) => "quality",
+                Some(ColumnKind::Identity) | None => "identity",
             };
-            let about = column
-                .map_or(json!({ "kind": kind }), |c| json!({ "kind": kind, "unit": c.unit, "says": c.description }));
+            if let Some(known) = known.filter(|_| description.is_empty()) {
+                (unit, description) = (known.unit.to_owned(), known.description.to_owned());
+            }
+            let about = json!({ "kind": kind, "unit": unit, "says": description });
             ((*c).clone(), about)
         })
         .collect();
@@ -444,7 +489,7 @@ fn data(stored: &Stored, pictures: &Pictures) -> Value {
         base64(&bytes)
     };
     json!({
-        "columns": columns, "about": about, "rows": cells, "runs": runs, "parts": parts, "cases": cases, "varying": varying,
+        "columns": columns, "about": about, "rows": cells, "runs": runs, "parts": parts, "part_columns": part_columns, "cases": cases, "varying": varying,
         "maps": { "magnitude": map(ColourMap::Magnitude), "signed": map(ColourMap::Signed) },
         "not_a_number": [NOT_A_NUMBER.0, NOT_A_NUMBER.1, NOT_A_NUMBER.2],
     })

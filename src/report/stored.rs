@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde_json::Value;
 
+use super::hard_cases;
 use crate::experiment::Axis;
 use crate::figure::table::{Row, Table};
 use crate::run::Times;
@@ -13,8 +14,10 @@ use crate::run::results::shell_word;
 /// A folder of results as it lies on the disk.
 pub struct Stored {
     pub folder: PathBuf,
-    /// results.csv
+    /// results.csv; of hard cases a row a curve.
     pub table: Table,
+    /// results.csv of hard cases as it is: a row a curve and value of the parameter.
+    pub points: Option<Table>,
     /// results.json; null where it is missing or damaged.
     pub document: Value,
     /// claims.csv
@@ -41,6 +44,10 @@ impl Stored {
     pub fn read(folder: &Path) -> io::Result<Self> {
         let table = Table::read(&folder.join("results.csv"))
             .map_err(|e| io::Error::new(e.kind(), format!("{}: {e}", folder.join("results.csv").display())))?;
+        let (table, points) = match hard_cases::curves(&table) {
+            Some(curves) => (curves, Some(table)),
+            None => (table, None),
+        };
         let document = read_json(&folder.join("results.json"));
         let claims = Table::read(&folder.join("claims.csv")).ok().filter(|t| !t.rows.is_empty());
         let mut names: Vec<(String, bool, Option<f64>)> = Vec::new();
@@ -57,7 +64,7 @@ impl Stored {
                 (run, files)
             })
             .collect();
-        Ok(Self { folder: folder.to_owned(), table, document, claims, runs })
+        Ok(Self { folder: folder.to_owned(), table, points, document, claims, runs })
     }
 
     /// A text of results.json; empty where it is not there.
@@ -84,11 +91,12 @@ impl Stored {
             "" => format!("rigbench run experiments/{}.toml", self.name()),
             command => command.to_owned(),
         };
-        for axis in Axis::ALL {
-            let value = row.text(axis.name());
-            if !value.is_empty() {
-                command += &format!(" --filter {}", shell_word(&format!("{}={value}", axis.name())));
-            }
+        let words = match self.points {
+            Some(_) => vec!["family", "model", "order", "backend"],
+            None => Axis::names().to_vec(),
+        };
+        for word in words.into_iter().filter(|word| !row.text(word).is_empty()) {
+            command += &format!(" --filter {}", shell_word(&format!("{word}={}", row.text(word))));
         }
         command
     }

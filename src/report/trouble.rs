@@ -1,5 +1,6 @@
 //! What a reader must know before any success: runs that failed, were skipped, or gave numbers that do not hold.
 
+use super::hard_cases::{HALF_OF_F32, HALF_OF_F64};
 use super::stored::Stored;
 use crate::figure::table::{Row, name, varying_axes};
 
@@ -32,7 +33,11 @@ pub fn trouble(stored: &Stored) -> Vec<Trouble> {
             .map(|r| Troubled {
                 run: r.text("run").to_owned(),
                 name: name(r, &varying),
-                place: format!("{}, {}, {}", r.text("scene"), r.text("lights"), r.text("backend")),
+                place: [r.text("family"), r.text("scene"), r.text("lights"), r.text("backend")]
+                    .into_iter()
+                    .filter(|t| !t.is_empty())
+                    .collect::<Vec<_>>()
+                    .join(", "),
                 why: why(r),
                 last_words: stored.runs.get(r.text("run")).map(|f| f.last_words.clone()).unwrap_or_default(),
             })
@@ -50,6 +55,18 @@ pub fn trouble(stored: &Stored) -> Vec<Trouble> {
         &|r| r.text("status") != "failed" && positive(r, "non_finite"),
         &|r| format!("{} values are not finite", r.text("non_finite")),
     );
+    if stored.points.is_some() {
+        let over = |column: &'static str, limit: f64| move |r: &Row| r.number(column).is_some_and(|v| v > limit);
+        let where_it_is =
+            |r: &Row| format!("error {} at {} = {}", r.text("error"), r.text("parameter"), r.text("worst_t"));
+        kind("are unstable: f32 loses more than half of its digits", true, &over("error", HALF_OF_F32), &where_it_is);
+        kind(
+            "differ from an independent route by more than half of f64's digits",
+            true,
+            &over("f64_error", HALF_OF_F64),
+            &|r| format!("f64 differs by {}", r.text("f64_error")),
+        );
+    }
     kind("did not come to an end", true, &|r| r.text("status") == "open", &|_| "interrupted before it".to_owned());
     kind("were skipped", false, &|r| r.text("status") == "skipped", &note);
     let ill = 1e8;

@@ -35,7 +35,10 @@ impl Browser {
     /// None, with a word about it, where there is no browser and none is required.
     pub fn start() -> Option<Self> {
         let Some(executable) = executable() else {
-            assert!(std::env::var_os("RIGBENCH_REQUIRE_BROWSER").is_none(), "RIGBENCH_REQUIRE_BROWSER is set and there is no Chromium");
+            assert!(
+                std::env::var_os("RIGBENCH_REQUIRE_BROWSER").is_none(),
+                "RIGBENCH_REQUIRE_BROWSER is set and there is no Chromium"
+            );
             eprintln!("skipped: no Chromium on this machine (apt-get install chromium)");
             return None;
         };
@@ -145,7 +148,10 @@ impl Browser {
         let [x, y] = self.middle(selector);
         for kind in ["mouseMoved", "mousePressed", "mouseReleased"] {
             let button = if kind == "mouseMoved" { "none" } else { "left" };
-            self.call("Input.dispatchMouseEvent", json!({ "type": kind, "x": x, "y": y, "button": button, "clickCount": 1 }));
+            self.call(
+                "Input.dispatchMouseEvent",
+                json!({ "type": kind, "x": x, "y": y, "button": button, "clickCount": 1 }),
+            );
         }
     }
 
@@ -167,7 +173,10 @@ impl Browser {
     /// A real key on what has the focus.
     pub fn press(&mut self, key: &str, code: u32) {
         let text = if key.chars().count() == 1 { key } else { "" };
-        self.call("Input.dispatchKeyEvent", json!({ "type": "keyDown", "key": key, "windowsVirtualKeyCode": code, "text": text }));
+        self.call(
+            "Input.dispatchKeyEvent",
+            json!({ "type": "keyDown", "key": key, "windowsVirtualKeyCode": code, "text": text }),
+        );
         self.call("Input.dispatchKeyEvent", json!({ "type": "keyUp", "key": key, "windowsVirtualKeyCode": code }));
     }
 
