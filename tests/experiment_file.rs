@@ -491,7 +491,6 @@ max = 0.05
         ("order = [2, 3]", "window = [\"hann\"]", "\"hann\"", "needs parameters", "[window.NAME]"),
         ("order = [2, 3]", "window = [\"sofft\"]", "\"sofft\"", "unknown window", "`soft`"),
         ("order = [2, 3]", "gradient_source = [\"central\"]", "\"central\"", "needs parameters", "step"),
-        ("order = [2, 3]", "light_model = [\"wallace\"]", "\"wallace\"", "not available in this version", ""),
         ("order = [2, 3]", "light_model = [\"walace\"]", "\"walace\"", "unknown light model", "`wallace`"),
         ("order = [2, 3]", "probe_source = [\"captured\"]", "\"captured\"", "not available in this version", ""),
         // definitions

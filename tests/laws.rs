@@ -4,26 +4,17 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DQuat, DVec3};
-use rigbench::candidate::{Arithmetic, Lit, Probes, Recipe, Surroundings, prepare};
+use rigbench::candidate::{Arithmetic, Lit, Recipe, Surroundings, prepare};
 use rigbench::light::{self, Constant, Light, Point, Sphere};
 use rigbench::math::{Rgb, Stream, StreamPurpose, Vector3, gauss_legendre};
-use rigbench::probe::GradientSource;
 use rigbench::reference;
 use rigbench::rig::AnyRig;
 use rigbench::rig::catalogue;
 use rigbench::scene::{OrientedBox, SurfacePoint};
-use rigbench::sh::{Lobe, Window};
+use rigbench::sh::Lobe;
 
 fn recipe(rig: Option<&AnyRig>, order: usize, arithmetic: Arithmetic) -> Recipe {
-    Recipe {
-        volume: None,
-        rig: rig.cloned(),
-        order,
-        gradients: GradientSource::Analytic,
-        window: Window::None,
-        probes: Probes::Analytic,
-        arithmetic,
-    }
+    Recipe::new(rig.cloned(), order, arithmetic)
 }
 
 fn sphere(center: [f64; 3], radius: f64, radiance: [f64; 3]) -> Light<f64> {

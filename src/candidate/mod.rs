@@ -1,17 +1,19 @@
 //! A candidate at work: from lights and a rig to irradiance at points, on the CPU. It knows no reference.
 
 mod prepared;
+mod transition;
 mod volume;
 
 pub use crate::probe::Probes;
 pub use prepared::{
     Arithmetic, CandidateError, Counts, GpuBench, Lit, Recipe, Surroundings, Timed, prepare, prepare_volume,
 };
+pub use transition::{FarField, Transition, direct_shares, light_errors, nearer_than_served};
 pub use volume::Reading;
 
 use rayon::prelude::*;
 
-use crate::light::{self, Light};
+use crate::light::{self, DIRECT_ORDER, Light, LightModel, ModelledLight};
 use crate::math::{Real, Rgb, Vector3};
 use crate::probe::{GradientSource, Sampled, sample_lights, sample_traced};
 use crate::rig::{AnyRig, LocalPoints, Model, Rig, RigModel, SampleRequest, ShVectors};
@@ -29,8 +31,8 @@ pub struct RigStage<T> {
     pub gradients: GradientSource,
     pub window: Window,
     pub lobe: Lobe<T>,
-    /// The lights relative to the box's centre.
-    pub lights: Vec<Light<T>>,
+    /// The lights relative to the box's centre, with the formulas that answer for them.
+    pub lights: Vec<ModelledLight<T>>,
     requests: Vec<SampleRequest>,
     /// Samples that were taken before the first frame, with what they took: a bake, where the lights are not projected every frame.
     baked: Option<Bake<T>>,
@@ -64,6 +66,7 @@ impl<T: Real> RigStage<T> {
         bounds: OrientedBox,
         order: usize,
         lights: &[Light<f64>],
+        model: LightModel,
         lobe: Lobe<T>,
         gradients: GradientSource,
         window: Window,
@@ -75,7 +78,7 @@ impl<T: Real> RigStage<T> {
             gradients,
             window,
             lobe,
-            lights: lights.iter().map(|light| light.relative_to(bounds.center)).collect(),
+            lights: modelled(lights, model, order, bounds.center),
             requests: rig.placement(bounds.half),
             baked: None,
         }
@@ -141,14 +144,25 @@ impl<T: Real> FittedRig<T> {
     }
 }
 
+/// Lights about an origin, each with its formula; tables serve SH of `order`.
+fn modelled<T: Real>(
+    lights: &[Light<f64>],
+    model: LightModel,
+    order: usize,
+    origin: glam::DVec3,
+) -> Vec<ModelledLight<T>> {
+    lights.iter().map(|light| model.light(light.relative_to(origin), order)).collect()
+}
+
 /// The candidate `direct`: no rig, every light at every point.
 pub fn direct<T: Real>(
     lights: &[Light<f64>],
+    model: LightModel,
     points: &[SurfacePoint],
     lobe: &Lobe<T>,
     origin: glam::DVec3,
 ) -> (Vec<Rgb<T>>, u64) {
-    let lights: Vec<Light<T>> = lights.iter().map(|light| light.relative_to(origin)).collect();
+    let lights = modelled::<T>(lights, model, DIRECT_ORDER, origin);
     let terms: Vec<_> = points
         .par_iter()
         .with_min_len(64)

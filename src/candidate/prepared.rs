@@ -2,14 +2,15 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use super::transition::{FarField, Transition, direct_shares};
 use super::volume::{CpuVolume, Reading};
-use super::{FittedRig, RigStage, direct, local_points};
+use super::{FittedRig, RigStage, direct, local_points, modelled};
 use crate::cost::{Samples, seconds_of};
 use crate::gpu::{
     DirectEvaluator, Evaluator, Gpu, GpuError, PreparedEvaluation, Sample, Timing, VolumeEvaluator, VolumeFormat,
     VolumeShape,
 };
-use crate::light::{self, Light};
+use crate::light::{self, DIRECT_ORDER, Light, LightModel, ModelledLight, ShaderLight};
 use crate::math::{Real, Rgb, Vector3};
 use crate::probe::{GradientSource, Probes};
 use crate::rig::{AnyRig, LocalPoints, Rig};
@@ -30,7 +31,28 @@ pub struct Recipe {
     pub gradients: GradientSource,
     pub window: Window,
     pub probes: Probes,
+    /// The formulas of the lights.
+    pub lights: LightModel,
+    /// When a light leaves the rig and is evaluated directly.
+    pub transition: Option<Transition>,
     pub arithmetic: Arithmetic,
+}
+
+impl Recipe {
+    /// Exact lights, their closed forms as probes, no window, every light in the rig.
+    pub fn new(rig: Option<AnyRig>, order: usize, arithmetic: Arithmetic) -> Self {
+        Self {
+            rig,
+            volume: None,
+            order,
+            gradients: GradientSource::Analytic,
+            window: Window::None,
+            probes: Probes::Analytic,
+            lights: LightModel::EXACT,
+            transition: None,
+            arithmetic,
+        }
+    }
 }
 
 /// Where and in what precision a candidate is evaluated.
@@ -173,7 +195,7 @@ impl GpuBench {
         Ok(made)
     }
 
-    fn direct(&self, lights: &[Light<f32>], lobe: &Lobe<f32>) -> Result<DirectEvaluator, GpuError> {
+    fn direct(&self, lights: &[impl ShaderLight], lobe: &Lobe<f32>) -> Result<DirectEvaluator, GpuError> {
         let text = DirectEvaluator::model(lights, lobe)?;
         if let Some(known) = self.directs.lock().expect("no holder panics").get(&text) {
             return Ok(known.clone());
@@ -195,6 +217,10 @@ pub enum CandidateError {
     NoTexture(&'static str),
     #[error("a volume of the kind `{0}` is not evaluated on the GPU in this version")]
     NoGpuVolume(&'static str),
+    #[error(
+        "the light model `{word}` of a {shape} knows the clamped cosine alone, and the receiver's material has a wrap"
+    )]
+    NoWrap { shape: &'static str, word: &'static str },
     /// What went wrong before, where it was not this call that failed.
     #[error("{0}")]
     Earlier(String),
@@ -244,9 +270,17 @@ pub fn prepare(recipe: &Recipe, around: &Surroundings, gpu: Option<&GpuBench>) -
     if let Some(baked) = &recipe.volume {
         return prepare_volume(baked, recipe.arithmetic, around, Reading::default(), gpu);
     }
+    if around.wrap != 0.0
+        && let Some((shape, word)) = recipe.lights.without_wrap(around.lights)
+    {
+        return Err(CandidateError::NoWrap { shape, word });
+    }
+    if let (Some(transition), Some(rig)) = (recipe.transition, &recipe.rig) {
+        return Ok(Box::new(NearAndFar::new(transition, rig, recipe, around, gpu)?));
+    }
     Ok(match (&recipe.rig, recipe.arithmetic) {
-        (None, Arithmetic::CpuF64) => Box::new(Direct::<f64>::new(around)),
-        (None, Arithmetic::CpuF32) => Box::new(Direct::<f32>::new(around)),
+        (None, Arithmetic::CpuF64) => Box::new(Direct::<f64>::new(recipe, around)),
+        (None, Arithmetic::CpuF32) => Box::new(Direct::<f32>::new(recipe, around)),
         (Some(rig), Arithmetic::CpuF64) => Box::new(CpuRig::<f64>::new(rig, recipe, around)),
         (Some(rig), Arithmetic::CpuF32) => Box::new(CpuRig::<f32>::new(rig, recipe, around)),
         (rig, Arithmetic::GpuBuffer | Arithmetic::GpuTexture) => {
@@ -254,7 +288,7 @@ pub fn prepare(recipe: &Recipe, around: &Surroundings, gpu: Option<&GpuBench>) -
             let texture = recipe.arithmetic == Arithmetic::GpuTexture;
             match rig {
                 Some(rig) => Box::new(GpuRig::new(rig, recipe, around, bench, texture)?),
-                None => Box::new(GpuDirect::new(around, bench)?),
+                None => Box::new(GpuDirect::new(recipe, around, bench)?),
             }
         }
     })
@@ -263,28 +297,41 @@ pub fn prepare(recipe: &Recipe, around: &Surroundings, gpu: Option<&GpuBench>) -
 /// `direct` on the CPU.
 struct Direct<T> {
     lights: Vec<Light<f64>>,
+    model: LightModel,
     lobe: Lobe<T>,
     bounds: OrientedBox,
 }
 
 impl<T: Real> Direct<T> {
-    fn new(around: &Surroundings) -> Self {
-        Self { lights: around.lights.to_vec(), lobe: Lobe::new(around.wrap), bounds: around.bounds }
+    fn new(recipe: &Recipe, around: &Surroundings) -> Self {
+        let lights = around.lights.to_vec();
+        Self { lights, model: recipe.lights, lobe: Lobe::new(around.wrap), bounds: around.bounds }
     }
 
     /// The lights about the box's centre.
-    fn relative_lights(&self) -> Vec<Light<T>> {
-        self.lights.iter().map(|light| light.relative_to(self.bounds.center)).collect()
+    fn relative_lights(&self) -> Vec<ModelledLight<T>> {
+        modelled(&self.lights, self.model, DIRECT_ORDER, self.bounds.center)
+    }
+
+    /// The tables that its formulas read: their size and the seconds that building them took.
+    fn tables(&self) -> Option<(u64, f64)> {
+        self.relative_lights().iter().find_map(|light| match light {
+            ModelledLight::DiskTable(model) => Some((model.table.bytes() as u64, model.table.built_in())),
+            ModelledLight::SphereTable(model) => Some((4 * model.1.texels().len() as u64, 0.0)),
+            _ => None,
+        })
     }
 }
 
 impl<T: Real> Lit for Direct<T> {
     fn irradiance(&self, points: &[SurfacePoint]) -> Result<Vec<Rgb<f64>>, CandidateError> {
-        Ok(direct(&self.lights, points, &self.lobe, self.bounds.center).0.iter().map(|e| e.to_double()).collect())
+        let sums = direct(&self.lights, self.model, points, &self.lobe, self.bounds.center).0;
+        Ok(sums.iter().map(|e| e.to_double()).collect())
     }
 
     fn counts(&self) -> Counts {
-        Counts { direct_lights: Some(self.lights.len() as u64), ..Counts::default() }
+        let model_bytes = self.tables().map(|(bytes, _)| bytes);
+        Counts { direct_lights: Some(self.lights.len() as u64), model_bytes, ..Counts::default() }
     }
 
     fn timed<'a>(&'a self, points: &[SurfacePoint], total: usize) -> Result<Box<dyn Timed + 'a>, CandidateError> {
@@ -315,7 +362,7 @@ macro_rules! cpu_times {
 
 struct TimedDirect<'a, T: Real> {
     direct: &'a Direct<T>,
-    lights: Vec<Light<T>>,
+    lights: Vec<ModelledLight<T>>,
     /// How often the points are gone through in one evaluation.
     rounds: usize,
     points: Vec<(Vector3<T>, Vector3<T>)>,
@@ -349,7 +396,7 @@ impl<T: Real> Timed for TimedDirect<'_, T> {
     cpu_times!();
 
     fn once(&self) -> Option<f64> {
-        None
+        self.direct.tables().map(|(_, seconds)| seconds)
     }
 }
 
@@ -368,8 +415,16 @@ impl<T: Real> CpuRig<T> {
 
 fn stage<T: Real>(rig: &AnyRig, recipe: &Recipe, around: &Surroundings) -> RigStage<T> {
     let lobe = Lobe::new(around.wrap);
-    let mut stage =
-        RigStage::new(rig, around.bounds, recipe.order, around.lights, lobe, recipe.gradients, recipe.window);
+    let mut stage = RigStage::new(
+        rig,
+        around.bounds,
+        recipe.order,
+        around.lights,
+        recipe.lights,
+        lobe,
+        recipe.gradients,
+        recipe.window,
+    );
     if let (Probes::Traced { effort, seed }, Some(transport)) = (recipe.probes, around.transport) {
         stage.bake(transport, seed, effort);
     }
@@ -488,13 +543,13 @@ impl Lit for GpuRig {
 /// `direct` on the GPU, in coordinates about the box's centre along the world's axes.
 struct GpuDirect {
     direct: Direct<f32>,
-    lights: Vec<Light<f32>>,
+    lights: Vec<ModelledLight<f32>>,
     evaluator: DirectEvaluator,
 }
 
 impl GpuDirect {
-    fn new(around: &Surroundings, bench: &GpuBench) -> Result<Self, CandidateError> {
-        let direct = Direct::<f32>::new(around);
+    fn new(recipe: &Recipe, around: &Surroundings, bench: &GpuBench) -> Result<Self, CandidateError> {
+        let direct = Direct::<f32>::new(recipe, around);
         let lights = direct.relative_lights();
         Ok(Self { evaluator: bench.direct(&lights, &direct.lobe)?, lights, direct })
     }
@@ -522,6 +577,146 @@ impl Lit for GpuDirect {
         let prepared = self.evaluator.prepare(&self.lights, &self.points(points), total)?;
         let fit = Box::new(|| drop(std::hint::black_box(self.direct.relative_lights())));
         Ok(Box::new(TimedGpu { fit, prepared, samples: Vec::new(), once: self.evaluator.once() }))
+    }
+}
+
+/// A rig for the lights that it holds well, and the others directly; a light between the two is in both, each with its share.
+struct NearAndFar {
+    transition: Transition,
+    far: Box<dyn Lit>,
+    near: Option<Box<dyn Lit>>,
+    /// What the criterion looks at.
+    rig: AnyRig,
+    bounds: OrientedBox,
+    recipe: Recipe,
+    lights: Vec<Light<f64>>,
+    wrap: f64,
+    /// Projections for the criterion.
+    projections: u64,
+}
+
+impl NearAndFar {
+    fn new(
+        transition: Transition,
+        rig: &AnyRig,
+        recipe: &Recipe,
+        around: &Surroundings,
+        gpu: Option<&GpuBench>,
+    ) -> Result<Self, CandidateError> {
+        let (shares, projections) = shares(transition, rig, recipe, around.bounds, around.lights, around.wrap);
+        let part = |of: fn(f64) -> f64| -> Vec<Light<f64>> {
+            let lights = around.lights.iter().zip(&shares).filter(|(_, share)| of(**share) > 0.0);
+            lights.map(|(light, share)| light.scaled_radiance(of(*share))).collect()
+        };
+        let (near, far) = (part(|share| share), part(|share| 1.0 - share));
+        let recipe = Recipe { transition: None, ..recipe.clone() };
+        let direct = Recipe { rig: None, ..recipe.clone() };
+        Ok(Self {
+            transition,
+            far: prepare(&recipe, &Surroundings { lights: &far, ..*around }, gpu)?,
+            near: match near.is_empty() {
+                true => None,
+                false => Some(prepare(&direct, &Surroundings { lights: &near, ..*around }, gpu)?),
+            },
+            rig: rig.clone(),
+            bounds: around.bounds,
+            lights: around.lights.to_vec(),
+            wrap: around.wrap,
+            recipe,
+            projections,
+        })
+    }
+}
+
+/// The share of each light that is evaluated directly, and the projections that finding it took.
+fn shares(
+    transition: Transition,
+    rig: &AnyRig,
+    recipe: &Recipe,
+    bounds: OrientedBox,
+    lights: &[Light<f64>],
+    wrap: f64,
+) -> (Vec<f64>, u64) {
+    let far = FarField {
+        rig,
+        bounds,
+        order: recipe.order,
+        lights,
+        model: recipe.lights,
+        bands: *Lobe::<f64>::new(wrap).bands(),
+        gradients: recipe.gradients,
+        window: recipe.window,
+    };
+    direct_shares(transition, &far)
+}
+
+impl Lit for NearAndFar {
+    fn irradiance(&self, points: &[SurfacePoint]) -> Result<Vec<Rgb<f64>>, CandidateError> {
+        let mut sum = self.far.irradiance(points)?;
+        if let Some(near) = &self.near {
+            for (sum, e) in sum.iter_mut().zip(near.irradiance(points)?) {
+                *sum += e;
+            }
+        }
+        Ok(sum)
+    }
+
+    fn counts(&self) -> Counts {
+        let criterion = Counts { projections: Some(self.projections), direct_lights: Some(0), ..Counts::default() };
+        let near = self.near.as_ref().map(|near| near.counts()).unwrap_or_default();
+        self.far.counts().and(near).and(criterion)
+    }
+
+    fn timed<'a>(&'a self, points: &[SurfacePoint], total: usize) -> Result<Box<dyn Timed + 'a>, CandidateError> {
+        let near = self.near.as_ref().map(|near| near.timed(points, total)).transpose()?;
+        Ok(Box::new(TimedNearAndFar { whole: self, far: self.far.timed(points, total)?, near }))
+    }
+}
+
+struct TimedNearAndFar<'a> {
+    whole: &'a NearAndFar,
+    far: Box<dyn Timed + 'a>,
+    near: Option<Box<dyn Timed + 'a>>,
+}
+
+impl Timed for TimedNearAndFar<'_> {
+    fn setup(&mut self) -> Result<f64, CandidateError> {
+        let NearAndFar { transition, rig, bounds, recipe, lights, wrap, .. } = self.whole;
+        let mut seconds = seconds_of(|| {
+            std::hint::black_box(shares(*transition, rig, recipe, *bounds, lights, *wrap));
+        });
+        seconds += self.far.setup()?;
+        if let Some(near) = &mut self.near {
+            seconds += near.setup()?;
+        }
+        Ok(seconds)
+    }
+
+    fn evaluate(&mut self) -> Result<(), CandidateError> {
+        self.far.evaluate()?;
+        self.near.as_mut().map_or(Ok(()), |near| near.evaluate())
+    }
+
+    fn evaluations(&self) -> Result<(Samples, &'static str), CandidateError> {
+        let (mut samples, timer) = self.far.evaluations()?;
+        if let Some(near) = &self.near {
+            for (sum, more) in samples.0.iter_mut().zip(near.evaluations()?.0.0) {
+                *sum += more;
+            }
+        }
+        Ok((samples, timer))
+    }
+
+    fn forget(&mut self) {
+        self.far.forget();
+        if let Some(near) = &mut self.near {
+            near.forget();
+        }
+    }
+
+    fn once(&self) -> Option<f64> {
+        let near = self.near.as_ref().and_then(|near| near.once());
+        self.far.once().map_or(near, |far| Some(far + near.unwrap_or(0.0)))
     }
 }
 

@@ -92,7 +92,12 @@ pub const COLUMNS: &[Column] = &[
         Cost,
         "projections of a light at a place for one setup, those of central differences too",
     ),
-    column("direct_lights", "", Cost, "lights that are evaluated at every point"),
+    column(
+        "direct_lights",
+        "",
+        Cost,
+        "lights that are evaluated at every point; the mean over the frames of an animation",
+    ),
     column("model_bytes", "B", Cost, "size of the parameters of all rigs"),
     column("setup_us", "us", Cost, "setup of one frame with nothing cached: projections, fit, upload, texture; median"),
     column("setup_us_mad", "us", Cost, "median absolute deviation of setup_us"),

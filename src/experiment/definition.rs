@@ -9,6 +9,8 @@ use super::Axis;
 use super::axis::AxisValue;
 use super::file::Named;
 use crate::input::{Finite, InputError, Source, Spanned, schema};
+pub use crate::light::LightModel;
+use crate::light::{LIGHT_MODELS, TABLE_SIZE};
 use crate::probe::GradientSource;
 use crate::rig::InterpolationChoice;
 use crate::rig::interpolation::{Interpolation, InterpolationFile, resolve_interpolation};
@@ -58,44 +60,11 @@ pub enum ProbeSource {
 pub enum Transition {
     /// All in the rig.
     None,
-    /// A light goes direct where the error that it would add in the rig, RMS over the RMS of the total irradiance in the box, is above this.
-    Threshold { threshold: f64 },
-}
-
-/// The formula of each light shape that has several; the other shapes are exact.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct LightModel {
-    pub sphere: &'static str,
-    pub disk: &'static str,
-    pub rect: &'static str,
-    pub tube: &'static str,
-}
-
-/// Shapes with more than one formula, and the words of their formulas.
-const LIGHT_MODELS: [(&str, &[&str]); 4] = [
-    ("sphere", &["exact", "point", "forsyth", "valve", "table"]),
-    ("disk", &["exact", "wallace", "sphere_proxy", "table"]),
-    ("rect", &["exact", "representative_point"]),
-    ("tube", &["exact", "two_points"]),
-];
-
-impl LightModel {
-    pub const EXACT: Self = Self { sphere: "exact", disk: "exact", rect: "exact", tube: "exact" };
-
-    /// A word for all shapes: those that have no such formula stay exact.
-    fn named(word: &str) -> Option<Self> {
-        let of = |shape: usize| LIGHT_MODELS[shape].1.iter().copied().find(|w| *w == word);
-        let known = (0..LIGHT_MODELS.len()).any(|shape| of(shape).is_some());
-        let or_exact = |shape: usize| of(shape).unwrap_or("exact");
-        known.then(|| Self { sphere: or_exact(0), disk: or_exact(1), rect: or_exact(2), tube: or_exact(3) })
-    }
-
-    fn words() -> Vec<&'static str> {
-        let mut words: Vec<&'static str> = LIGHT_MODELS.iter().flat_map(|(_, words)| words.iter().copied()).collect();
-        words.sort_unstable();
-        words.dedup();
-        words
-    }
+    /// A light goes direct where the error that it would add in the rig, RMS over the RMS of the total irradiance in the box, is above this;
+    /// within the share `blend` of it to both sides, gradually.
+    Threshold { threshold: f64, blend: f64 },
+    /// A light goes direct where it is nearer to a sample than the part of the box that the sample serves.
+    Nearer,
 }
 
 /// `[light_model.NAME]`: the formula of each shape.
@@ -106,11 +75,17 @@ pub struct LightModelFile {
     disk: Option<Spanned<String>>,
     rect: Option<Spanned<String>>,
     tube: Option<Spanned<String>>,
+    /// Texels along a side of the tables.
+    table_size: Option<Spanned<i64>>,
 }
 
 impl LightModelFile {
     pub fn schema() -> Value {
-        schema::table(LIGHT_MODELS.map(|(shape, words)| schema::optional(shape, schema::word(words.iter().copied()))))
+        let size =
+            schema::default(schema::described(schema::whole(2, 1024), "texels along a side of the tables"), TABLE_SIZE);
+        let shapes =
+            LIGHT_MODELS.map(|(shape, models)| schema::optional(shape, schema::word(models.iter().map(|m| m.word))));
+        schema::table(shapes.into_iter().chain([schema::optional("table_size", size)]))
     }
 
     fn resolve(&self, source: &Source) -> Result<LightModel, InputError> {
@@ -118,12 +93,17 @@ impl LightModelFile {
         let mut words = ["exact"; 4];
         for ((word, given), (shape, allowed)) in words.iter_mut().zip(given).zip(LIGHT_MODELS) {
             let Some(given) = given else { continue };
-            *word = allowed.iter().copied().find(|w| w == given.get_ref()).ok_or_else(|| {
-                source.unknown_word(given.span(), &format!("{shape} light model"), given.get_ref(), allowed.to_vec())
+            let allowed = allowed.iter().map(|model| model.word);
+            *word = allowed.clone().find(|w| w == given.get_ref()).ok_or_else(|| {
+                source.unknown_word(given.span(), &format!("{shape} light model"), given.get_ref(), allowed)
             })?;
         }
-        let [sphere, disk, rect, tube] = words;
-        Ok(LightModel { sphere, disk, rect, tube })
+        let size = self.table_size.as_ref().map(|size| whole(source, size, "table_size", 2..=1024)).transpose()?;
+        let model = LightModel::new(words, size.map_or(TABLE_SIZE, |size| size as usize));
+        match (&self.table_size, model.table_size) {
+            (Some(size), None) => Err(source.error(size.span(), "a table_size and no shape by its table")),
+            _ => Ok(model),
+        }
     }
 }
 
@@ -270,21 +250,43 @@ impl WindowFile {
     }
 }
 
-/// `[transition.NAME] threshold = 0.02`.
+/// `[transition.NAME] threshold = 0.02, blend = 0.5`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TransitionFile {
     threshold: Spanned<Finite>,
+    /// From 0, a hard step, to 1.
+    blend: Option<Spanned<Finite>>,
 }
+
+/// A blend that is not said.
+const BLEND: f64 = 0.5;
 
 impl TransitionFile {
     pub fn schema() -> Value {
         let meaning = "error that a light may add in the rig, RMS over the RMS of the total irradiance in the box";
-        schema::table([schema::required("threshold", schema::described(schema::above(0.0), meaning))])
+        let mut blend = schema::default(schema::number(), BLEND);
+        blend["minimum"] = 0.into();
+        blend["maximum"] = 1.into();
+        let blend = schema::described(
+            blend,
+            "band about the threshold, as a share of it, in which a light is in both; 0: a hard step",
+        );
+        schema::table([
+            schema::required("threshold", schema::described(schema::above(0.0), meaning)),
+            schema::optional("blend", blend),
+        ])
     }
 
     fn resolve(&self, source: &Source) -> Result<Transition, InputError> {
-        Ok(Transition::Threshold { threshold: above_zero(source, &self.threshold, "threshold")? })
+        let threshold = above_zero(source, &self.threshold, "threshold")?;
+        let blend = self.blend.as_ref().map_or(BLEND, |blend| blend.get_ref().0);
+        match &self.blend {
+            Some(given) if !(0.0..=1.0).contains(&blend) => {
+                Err(source.error(given.span(), format!("blend {blend}; it lies in 0 to 1")))
+            }
+            _ => Ok(Transition::Threshold { threshold, blend }),
+        }
     }
 }
 
@@ -431,9 +433,6 @@ impl WordAxis for LightModel {
     fn define(table: &LightModelFile, source: &Source, _span: Range<usize>) -> Result<Self, InputError> {
         table.resolve(source)
     }
-    fn is_available(&self) -> bool {
-        *self == LightModel::EXACT
-    }
 }
 
 impl WordAxis for ProbeSource {
@@ -502,16 +501,17 @@ impl WordAxis for Transition {
     const AXIS: Axis = Axis::Transition;
     type Table = TransitionFile;
     fn words() -> Vec<&'static str> {
-        vec!["none"]
+        vec!["none", "nearer"]
     }
     fn word(word: &str) -> Option<Self> {
-        (word == "none").then_some(Transition::None)
+        match word {
+            "none" => Some(Transition::None),
+            "nearer" => Some(Transition::Nearer),
+            _ => None,
+        }
     }
     fn define(table: &TransitionFile, source: &Source, _span: Range<usize>) -> Result<Self, InputError> {
         table.resolve(source)
-    }
-    fn is_available(&self) -> bool {
-        *self == Transition::None
     }
 }
 

@@ -92,7 +92,9 @@ fn meaning(axis: Axis, draft: &Draft) -> Meaning {
     match axis {
         Axis::Scene | Axis::Lights | Axis::Rig | Axis::LightModel | Axis::Backend => Meaning::Chosen,
         // `direct` has no SH and no probe samples
-        Axis::Order | Axis::ProbeSource | Axis::Window | Axis::Transition => chosen_if(rig.is_some()),
+        Axis::Order | Axis::ProbeSource | Axis::Window => chosen_if(rig.is_some()),
+        // lights that rays have mixed with shadows cannot be taken out of the rig
+        Axis::Transition => chosen_if(rig.is_some() && draft.probe_source == Some(ProbeSource::Analytic)),
         Axis::Interpolation => chosen_if(rig.is_some_and(|rig| rig.has_interpolation)),
         Axis::GradientSource if !rig.is_some_and(|rig| rig.asks_derivatives) => Meaning::None,
         // rays bring their derivatives with them
@@ -339,7 +341,24 @@ impl<'s> Expansion<'s> {
                 }
             }
             Axis::Order => each!(order, ("3", 3)),
-            Axis::LightModel => each!(light_model, ("exact", LightModel::EXACT)),
+            Axis::LightModel => {
+                let drafts: Vec<Draft> = each!(light_model, ("exact", LightModel::EXACT))?;
+                if draft.rig.is_none() {
+                    return Ok(drafts);
+                }
+                // a rig samples SH: a model in which no formula has any says nothing about it and is left out
+                let sampled = |mut next: Draft| {
+                    let stated = next.light_model.expect("just chosen");
+                    next.light_model = Some(stated.for_rigs());
+                    (stated == LightModel::EXACT || next.light_model != Some(LightModel::EXACT)).then_some(next)
+                };
+                let drafts: Vec<Draft> = drafts.into_iter().filter_map(sampled).collect();
+                if drafts.is_empty() {
+                    let message = "no light model of the list has SH for a rig to sample; add `exact`";
+                    return Err(source.error(place.clone(), message));
+                }
+                Ok(drafts)
+            }
             Axis::ProbeSource => each!(probe_source, ("analytic", ProbeSource::Analytic)),
             Axis::GradientSource => each!(gradient_source, ("analytic", GradientSource::Analytic)),
             Axis::Window => each!(window, ("none", Window::None)),

@@ -2,7 +2,7 @@ use std::time::Duration;
 
 use super::pass::{Grid, Parameters, PointPass};
 use super::{Gpu, GpuError, PreparedEvaluation, ShaderText};
-use crate::light::{Light, LightRows, lights_wgsl, shader_kinds};
+use crate::light::{LightRows, ShaderLight, lights_wgsl, model_kinds, shader_kinds};
 use crate::math::Rgb;
 use crate::rig::LocalPoints;
 use crate::sh::Lobe;
@@ -17,21 +17,21 @@ pub struct DirectEvaluator {
 
 impl DirectEvaluator {
     /// For the kinds that occur among `lights`.
-    pub fn new(gpu: &Gpu, lights: &[Light<f32>], lobe: &Lobe<f32>) -> Result<Self, GpuError> {
+    pub fn new(gpu: &Gpu, lights: &[impl ShaderLight], lobe: &Lobe<f32>) -> Result<Self, GpuError> {
         Self::with_model(gpu, lights, &Self::model(lights, lobe)?)
     }
 
     /// The WGSL of the lights: equal texts are equal pipelines.
-    pub fn model(lights: &[Light<f32>], lobe: &Lobe<f32>) -> Result<String, GpuError> {
+    pub fn model(lights: &[impl ShaderLight], lobe: &Lobe<f32>) -> Result<String, GpuError> {
         let kinds = rows(lights)?.kinds;
-        match kinds.iter().find(|kind| !shader_kinds(lobe).any(|known| known == **kind)) {
+        match kinds.iter().find(|kind| !shader_kinds(lobe).chain(model_kinds(lobe)).any(|known| known == **kind)) {
             Some(kind) => Err(no_twin(kind, " for the wrap lobe")),
             None => Ok(lights_wgsl(&kinds, lobe)),
         }
     }
 
     /// From a text of [`DirectEvaluator::model`] for lights of the same kinds.
-    pub fn with_model(gpu: &Gpu, lights: &[Light<f32>], model: &str) -> Result<Self, GpuError> {
+    pub fn with_model(gpu: &Gpu, lights: &[impl ShaderLight], model: &str) -> Result<Self, GpuError> {
         let kinds = rows(lights)?.kinds;
         let text = ShaderText::new().with_points().with(model).with(include_str!("passes/direct.wgsl"));
         Ok(Self {
@@ -47,14 +47,18 @@ impl DirectEvaluator {
     }
 
     /// E at every point. Lights and points are about one origin: the points' `q` are positions here, in the axes of the lights.
-    pub fn evaluate(&self, lights: &[Light<f32>], points: &LocalPoints<f32>) -> Result<Vec<Rgb<f32>>, GpuError> {
+    pub fn evaluate(
+        &self,
+        lights: &[impl ShaderLight + Clone + Send + 'static],
+        points: &LocalPoints<f32>,
+    ) -> Result<Vec<Rgb<f32>>, GpuError> {
         self.prepare(lights, points, points.len())?.evaluate()
     }
 
     /// Everything uploaded and bound, for timing over `total` points (the given ones repeated).
     pub fn prepare(
         &self,
-        lights: &[Light<f32>],
+        lights: &[impl ShaderLight + Clone + Send + 'static],
         points: &LocalPoints<f32>,
         total: usize,
     ) -> Result<PreparedEvaluation, GpuError> {
@@ -75,7 +79,7 @@ impl DirectEvaluator {
     }
 }
 
-fn rows(lights: &[Light<f32>]) -> Result<LightRows, GpuError> {
+fn rows(lights: &[impl ShaderLight]) -> Result<LightRows, GpuError> {
     LightRows::new(lights).map_err(|kind| no_twin(kind, ""))
 }
 

@@ -87,22 +87,22 @@ impl Disk<f64> {
 /// A disk as a point in front of it sees it, in the frame (u, v, m): m the disk's normal, u along the centre's in-plane offset,
 /// v = m x u. The centre is at rho u - h m; the rim at r(t) = c + R (u cos t + v sin t), |r|^2 = D + b cos t, nearest at t = pi.
 #[derive(Clone, Copy, Debug)]
-struct View<T> {
+pub(super) struct View<T> {
     center: Vector3<T>,
-    u: Vector3<T>,
-    v: Vector3<T>,
-    m: Vector3<T>,
-    radius: T,
-    height: T,
-    offset: T,
+    pub(super) u: Vector3<T>,
+    pub(super) v: Vector3<T>,
+    pub(super) m: Vector3<T>,
+    pub(super) radius: T,
+    pub(super) height: T,
+    pub(super) offset: T,
     /// Squared distances to the nearest and the farthest point of the rim: D - b and D + b.
-    nearest: T,
-    farthest: T,
+    pub(super) nearest: T,
+    pub(super) farthest: T,
 }
 
 impl<T: Real> View<T> {
     /// D = |c|^2 + R^2.
-    fn mean(&self) -> T {
+    pub(super) fn mean(&self) -> T {
         (self.nearest + self.farthest) * T::of(0.5)
     }
     /// b = 2 R rho.
@@ -341,7 +341,7 @@ fn bisect<T: Real>(mut low: T, mut high: T, positive_at_low: bool, f: impl Fn(T)
 impl<T: Real> Disk<T> {
     /// `None` behind the disk and in its plane.
     #[inline(always)]
-    fn seen_from(&self, p: Vector3<T>) -> Option<View<T>> {
+    pub(super) fn seen_from(&self, p: Vector3<T>) -> Option<View<T>> {
         let center = self.center - p;
         let height = -center.dot(self.normal);
         if height <= T::zero() || !height.is_finite() {
@@ -369,6 +369,19 @@ impl<T: Real> Disk<T> {
             nearest: squared(offset - self.radius),
             farthest: squared(offset + self.radius),
         })
+    }
+
+    /// The integral of w L dw: E of a receiver that has the whole disk above its horizon is n . F. `None` behind the disk.
+    /// In the terms of [`lambert_irradiance`], F = (pi R^2/k) (2 rho h/(D + k) u - w m).
+    #[inline(always)]
+    pub(super) fn vector_irradiance(&self, p: Vector3<T>) -> Option<Vector3<T>> {
+        let view = self.seen_from(p)?;
+        let (h, rho, two) = (view.height, view.offset, T::of(2.0));
+        let k = view.nearest.sqrt() * view.farthest.sqrt();
+        let s = (rho - self.radius) * (rho + self.radius) - h * h;
+        let w = if s <= T::zero() { k - s } else { two * h * rho / (k + s) * (two * h * rho) };
+        let scale = T::PI() * self.radius * (self.radius / k) / (view.mean() + k);
+        Some((view.u * (two * rho * h) - view.m * w) * scale)
     }
 
     /// Distance along the unit `direction` at which a ray from `p` meets the emitting side.

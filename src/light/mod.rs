@@ -13,6 +13,7 @@ mod disk;
 mod environment;
 mod file;
 mod integral;
+mod model;
 mod point;
 mod polygon;
 mod rect;
@@ -25,10 +26,14 @@ pub use constant::{Constant, ConstantFile};
 pub use directional::{Directional, DirectionalFile};
 pub use disk::{Disk, DiskFile};
 pub use environment::{Environment, EnvironmentFile, EnvironmentMap};
+pub use model::{
+    DIRECT_ORDER, DiskTable, Forsyth, LIGHT_MODELS, LightModel, ModelWord, ModelledLight, RepresentativePoint,
+    SphereProxy, SphereTable, TABLE_SIZE, TabulatedDisk, TabulatedSphere, TwoPoints, Valve, Wallace,
+};
 pub use point::{Point, PointFile};
 pub use polygon::{Polygon, PolygonFile};
 pub use rect::{Rect, RectFile};
-pub use shader::{LightRows, lights_wgsl, shader_kinds, sphere_projection_wgsl};
+pub use shader::{LightRows, ShaderLight, lights_wgsl, model_kinds, shader_kinds, sphere_projection_wgsl};
 pub use sphere::{Sphere, SphereFile};
 pub use tube::{Tube, TubeFile};
 
@@ -188,6 +193,8 @@ macro_rules! uniform_emitters {
         }
     )+};
 }
+
+use uniform_emitters;
 
 uniform_emitters!(Sphere, Disk, Rect, Polygon, Tube);
 
@@ -363,8 +370,13 @@ impl Light<f64> {
     }
 }
 
-/// Sum of the exact irradiance of several lights, and how many terms were dropped as singular.
-pub fn irradiance<T: Real>(lights: &[Light<T>], p: Vector3<T>, n: Vector3<T>, lobe: &Lobe<T>) -> Term<Rgb<T>> {
+/// Sum of the irradiance of several lights, and how many terms were dropped as singular.
+pub fn irradiance<T: Real>(
+    lights: &[impl LightShape<T>],
+    p: Vector3<T>,
+    n: Vector3<T>,
+    lobe: &Lobe<T>,
+) -> Term<Rgb<T>> {
     let mut sum = Term::regular(Rgb::zero());
     for light in lights {
         let term = light.irradiance(p, n, lobe);
@@ -375,7 +387,7 @@ pub fn irradiance<T: Real>(lights: &[Light<T>], p: Vector3<T>, n: Vector3<T>, lo
 }
 
 /// Sum of the SH projections of several lights.
-pub fn projection<T: Real, const C: usize>(lights: &[Light<T>], p: Vector3<T>) -> Term<ShRgb<T, C>> {
+pub fn projection<T: Real, const C: usize>(lights: &[impl LightShape<T>], p: Vector3<T>) -> Term<ShRgb<T, C>> {
     let mut sum = Term::regular([Rgb::zero(); C]);
     for light in lights {
         let term = light.projection::<C>(p);
@@ -388,7 +400,10 @@ pub fn projection<T: Real, const C: usize>(lights: &[Light<T>], p: Vector3<T>) -
 }
 
 /// Sum of the SH projections of several lights with their gradients.
-pub fn projection_with_gradient<T: Real, const C: usize>(lights: &[Light<T>], p: Vector3<T>) -> Term<ShGradient<T, C>> {
+pub fn projection_with_gradient<T: Real, const C: usize>(
+    lights: &[impl LightShape<T>],
+    p: Vector3<T>,
+) -> Term<ShGradient<T, C>> {
     let mut sum = Term::regular(ShGradient::zero());
     for light in lights {
         let term = light.projection_with_gradient::<C>(p);

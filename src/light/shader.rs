@@ -9,16 +9,16 @@ use nalgebra::{SMatrix, SVector};
 
 use super::integral::end_crowding;
 use super::polygon::Facet;
-use super::{Light, UniformEmitter};
+use super::{DIRECT_ORDER, Disk, Light, ModelledLight, Sphere, Tube, UniformEmitter};
 use crate::math::{Rgb, Vector3};
 use crate::sh::Lobe;
 
 /// A row of four numbers, as `array<vec4f>` holds it.
 pub type Row = [f32; 4];
 
-/// A shape that the GPU can evaluate directly.
+/// A shape, or a formula in place of one, that the GPU can evaluate directly.
 struct Twin {
-    /// The shape's TOML key.
+    /// The shape's TOML key, or the formula's key.
     kind: &'static str,
     /// Rows of a light's record.
     rows: usize,
@@ -38,12 +38,43 @@ const TWINS: &[Twin] = &[
     Twin { kind: "constant", rows: 1, wraps: true, wgsl: include_str!("constant.wgsl") },
 ];
 
-/// What a light is in rows: its record, as many rows as its twin says, and rows behind all records (vertices), the first of which
+/// Formulas in place of a shape's own ([`ModelledLight`]).
+const MODEL_TWINS: &[Twin] = &[
+    Twin { kind: "sphere_forsyth", rows: 2, wraps: false, wgsl: include_str!("model/sphere_forsyth.wgsl") },
+    Twin { kind: "sphere_valve", rows: 2, wraps: false, wgsl: include_str!("model/sphere_valve.wgsl") },
+    Twin { kind: "sphere_table", rows: 2, wraps: false, wgsl: include_str!("model/sphere_table.wgsl") },
+    Twin { kind: "disk_wallace", rows: 3, wraps: true, wgsl: include_str!("model/disk_wallace.wgsl") },
+    Twin { kind: "disk_sphere_proxy", rows: 3, wraps: true, wgsl: include_str!("model/disk_sphere_proxy.wgsl") },
+    Twin { kind: "disk_table", rows: 3, wraps: true, wgsl: include_str!("model/disk_table.wgsl") },
+    Twin {
+        kind: "rect_representative_point",
+        rows: 4,
+        wraps: false,
+        wgsl: include_str!("model/rect_representative_point.wgsl"),
+    },
+    Twin { kind: "tube_two_points", rows: 3, wraps: false, wgsl: include_str!("model/tube_two_points.wgsl") },
+];
+
+fn twins() -> impl Iterator<Item = &'static Twin> {
+    TWINS.iter().chain(MODEL_TWINS)
+}
+
+/// What a light is in rows: its record, as many rows as its twin says, and rows behind all records (vertices, a table), the first of which
 /// the last number of the record points to.
 #[derive(Default)]
-struct Packed {
+pub struct Packed {
     record: Vec<Row>,
     behind: Vec<Row>,
+    /// The rows behind are the same for every light of the kind, and stand there once.
+    is_shared: bool,
+}
+
+/// A light that shaders can read, if its kind has a twin.
+pub trait ShaderLight {
+    /// The kind of its record.
+    fn kind_name(&self) -> &'static str;
+    /// `None` without a twin.
+    fn packed(&self) -> Option<Packed>;
 }
 
 fn row(xyz: Vector3<f32>, w: f32) -> Row {
@@ -56,7 +87,26 @@ fn colour(rgb: Rgb<f32>) -> Row {
 
 impl Packed {
     fn record(record: Vec<Row>) -> Self {
-        Self { record, behind: Vec::new() }
+        Self { record, ..Self::default() }
+    }
+
+    /// A record whose kind reads a table: its size, then its numbers, four a row.
+    fn with_table(record: Vec<Row>, size: usize, texels: &[f32]) -> Self {
+        let mut behind = vec![[size as f32, 0.0, 0.0, 0.0]];
+        behind.extend(texels.chunks(4).map(|four| std::array::from_fn(|i| four.get(i).copied().unwrap_or(0.0))));
+        Self { record, behind, is_shared: true }
+    }
+
+    fn sphere(sphere: &Sphere<f32>) -> Vec<Row> {
+        vec![row(sphere.center, sphere.radius), colour(sphere.radiance)]
+    }
+
+    fn disk(disk: &Disk<f32>) -> Vec<Row> {
+        vec![row(disk.center, disk.radius), row(disk.normal, 0.0), colour(disk.radiance)]
+    }
+
+    fn tube(tube: &Tube<f32>) -> Vec<Row> {
+        vec![row(tube.from, 0.0), row(tube.to, 0.0), colour(tube.intensity)]
     }
 
     fn facet(facet: Facet<'_, f32>, radiance: Rgb<f32>) -> Self {
@@ -64,23 +114,55 @@ impl Packed {
         Self {
             record: vec![row(facet.center, facet.extent), row(facet.normal, vertices), colour(radiance)],
             behind: facet.vertices.iter().map(|vertex| row(*vertex, 0.0)).collect(),
+            is_shared: false,
         }
     }
+}
 
-    /// `None` for a shape without a twin.
-    fn new(light: &Light<f32>) -> Option<Self> {
-        Some(match light {
-            Light::Sphere(sphere) => Self::record(vec![row(sphere.center, sphere.radius), colour(sphere.radiance)]),
-            Light::Disk(disk) => {
-                Self::record(vec![row(disk.center, disk.radius), row(disk.normal, 0.0), colour(disk.radiance)])
-            }
-            Light::Rect(rect) => rect.with_facet(|facet| Self::facet(facet, rect.colour())),
-            Light::Polygon(polygon) => Self::facet(polygon.facet(), polygon.colour()),
-            Light::Tube(tube) => Self::record(vec![row(tube.from, 0.0), row(tube.to, 0.0), colour(tube.intensity)]),
-            Light::Point(point) => Self::record(vec![row(point.position, 0.0), colour(point.intensity)]),
-            Light::Directional(sun) => Self::record(vec![row(sun.towards, 0.0), colour(sun.irradiance)]),
-            Light::Constant(constant) => Self::record(vec![colour(constant.radiance)]),
+impl ShaderLight for Light<f32> {
+    fn kind_name(&self) -> &'static str {
+        Light::kind_name(self)
+    }
+
+    fn packed(&self) -> Option<Packed> {
+        Some(match self {
+            Light::Sphere(sphere) => Packed::record(Packed::sphere(sphere)),
+            Light::Disk(disk) => Packed::record(Packed::disk(disk)),
+            Light::Rect(rect) => rect.with_facet(|facet| Packed::facet(facet, rect.colour())),
+            Light::Polygon(polygon) => Packed::facet(polygon.facet(), polygon.colour()),
+            Light::Tube(tube) => Packed::record(Packed::tube(tube)),
+            Light::Point(point) => Packed::record(vec![row(point.position, 0.0), colour(point.intensity)]),
+            Light::Directional(sun) => Packed::record(vec![row(sun.towards, 0.0), colour(sun.irradiance)]),
+            Light::Constant(constant) => Packed::record(vec![colour(constant.radiance)]),
             Light::Environment(_) => return None,
+        })
+    }
+}
+
+impl ShaderLight for ModelledLight<f32> {
+    fn kind_name(&self) -> &'static str {
+        ModelledLight::kind_name(self)
+    }
+
+    fn packed(&self) -> Option<Packed> {
+        Some(match self {
+            ModelledLight::Exact(light) => return light.packed(),
+            ModelledLight::Forsyth(model) => Packed::record(Packed::sphere(&model.0)),
+            ModelledLight::Valve(model) => Packed::record(Packed::sphere(&model.0)),
+            ModelledLight::SphereTable(model) => {
+                Packed::with_table(Packed::sphere(&model.0), model.1.size(), model.1.texels())
+            }
+            ModelledLight::Wallace(model) => Packed::record(Packed::disk(&model.0)),
+            ModelledLight::SphereProxy(model) => Packed::record(Packed::disk(&model.0)),
+            ModelledLight::DiskTable(model) => {
+                assert_eq!(model.table.order(), DIRECT_ORDER, "the shader reads tables of this order");
+                Packed::with_table(Packed::disk(&model.disk), model.table.size(), model.table.texels())
+            }
+            ModelledLight::RepresentativePoint(model) => {
+                let [u, v] = model.0.half_edges();
+                Packed::record(vec![row(model.0.center(), 0.0), row(u, 0.0), row(v, 0.0), colour(model.0.colour())])
+            }
+            ModelledLight::TwoPoints(model) => Packed::record(Packed::tube(&model.0)),
         })
     }
 }
@@ -88,33 +170,41 @@ impl Packed {
 /// Lights in rows, kind after kind: for each of `kinds` a header (first row, row after the last), then the records.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightRows {
-    /// TOML keys of the kinds that occur, in the order of their headers.
+    /// Keys of the kinds that occur, in the order of their headers.
     pub kinds: Vec<&'static str>,
     pub rows: Vec<Row>,
 }
 
 impl LightRows {
     /// Packs lights; the error is the key of a shape that has no twin.
-    pub fn new(lights: &[Light<f32>]) -> Result<Self, &'static str> {
+    pub fn new(lights: &[impl ShaderLight]) -> Result<Self, &'static str> {
         let mut packed = Vec::with_capacity(lights.len());
         for light in lights {
-            packed.push((light.kind_name(), Packed::new(light).ok_or(light.kind_name())?));
+            packed.push((light.kind_name(), light.packed().ok_or(light.kind_name())?));
         }
         let occurs = |twin: &&Twin| packed.iter().any(|(kind, _)| *kind == twin.kind);
-        let twins: Vec<&Twin> = TWINS.iter().filter(occurs).collect();
+        let twins: Vec<&Twin> = twins().filter(occurs).collect();
         let mut rows = vec![[0.0; 4]; twins.len()];
         let mut first_behind = twins.len() + packed.iter().map(|(_, light)| light.record.len()).sum::<usize>();
         let mut behind: Vec<Row> = Vec::new();
         for (header, twin) in twins.iter().enumerate() {
             let first = rows.len();
+            let mut shared: Option<usize> = None;
             for (_, light) in packed.iter().filter(|(kind, _)| *kind == twin.kind) {
                 assert_eq!(light.record.len(), twin.rows, "rows of a record of the kind {}", twin.kind);
                 rows.extend(&light.record);
-                if let (Some(last), false) = (rows.last_mut(), light.behind.is_empty()) {
-                    last[3] = first_behind as f32;
+                if light.behind.is_empty() {
+                    continue;
                 }
-                first_behind += light.behind.len();
-                behind.extend(&light.behind);
+                let place = shared.filter(|_| light.is_shared).unwrap_or(first_behind);
+                if let Some(last) = rows.last_mut() {
+                    last[3] = place as f32;
+                }
+                if place == first_behind {
+                    shared = Some(place);
+                    first_behind += light.behind.len();
+                    behind.extend(&light.behind);
+                }
             }
             rows[header] = [first as f32, rows.len() as f32, 0.0, 0.0];
         }
@@ -125,8 +215,17 @@ impl LightRows {
 
 /// The shapes (TOML keys) that the GPU evaluates directly under a lobe.
 pub fn shader_kinds(lobe: &Lobe<f32>) -> impl Iterator<Item = &'static str> {
+    kinds_of(TWINS, lobe)
+}
+
+/// The formulas that the GPU evaluates directly under a lobe.
+pub fn model_kinds(lobe: &Lobe<f32>) -> impl Iterator<Item = &'static str> {
+    kinds_of(MODEL_TWINS, lobe)
+}
+
+fn kinds_of(twins: &'static [Twin], lobe: &Lobe<f32>) -> impl Iterator<Item = &'static str> {
     let lambert = lobe.is_lambert();
-    TWINS.iter().filter(move |twin| lambert || twin.wraps).map(|twin| twin.kind)
+    twins.iter().filter(move |twin| lambert || twin.wraps).map(|twin| twin.kind)
 }
 
 /// c such that f(u) = u + u^3 (c_0 + c_1 u^2 + ... + c_4 u^8) for 0 <= u <= end, for an odd f with f'(0) = 1: interpolation of
@@ -141,7 +240,7 @@ fn fitted_odd(function: fn(f64) -> f64, end: f64) -> [f64; 5] {
     powers.lu().solve(&values).expect("Chebyshev nodes are distinct").into()
 }
 
-/// WGSL of the twins of `kinds` (of [`shader_kinds`]), and `lights_irradiance(p, n)`: the sum over all lights of [`LightRows`] with these kinds.
+/// WGSL of the twins of `kinds` (of [`shader_kinds`] and [`model_kinds`]), and `lights_irradiance(p, n)`: the sum over all lights of [`LightRows`] with these kinds.
 pub fn lights_wgsl(kinds: &[&str], lobe: &Lobe<f32>) -> String {
     let mut text = String::new();
     let foot = (-lobe.wrap()).acos();
@@ -180,9 +279,20 @@ pub fn lights_wgsl(kinds: &[&str], lobe: &Lobe<f32>) -> String {
     if kinds.iter().any(|kind| ["rect", "polygon"].contains(kind)) {
         text.push_str(include_str!("facet.wgsl"));
     }
+    if kinds.iter().any(|kind| ["disk_sphere_proxy", "disk_table"].contains(kind)) {
+        text.push_str(include_str!("model/disk_view.wgsl"));
+    }
+    if kinds.contains(&"disk_table") {
+        for (degree, band) in lobe.bands().iter().take(DIRECT_ORDER).enumerate() {
+            writeln!(text, "const BAND_{degree}: f32 = {band:?}f;").unwrap();
+        }
+        for (name, degree, m) in [("N00", 0, 0), ("N1", 1, 0), ("N20", 2, 0), ("N21", 2, 1)] {
+            writeln!(text, "const TABLE_{name}: f32 = {:?}f;", polynomial_factor(degree, m) as f32).unwrap();
+        }
+    }
     let mut sum = String::from("fn lights_irradiance(p: vec3f, n: vec3f) -> vec3f {\n    var sum = vec3f(0.0);\n");
     for (header, kind) in kinds.iter().enumerate() {
-        let twin = TWINS.iter().find(|twin| twin.kind == *kind).expect("a kind that has a twin");
+        let twin = twins().find(|twin| twin.kind == *kind).expect("a kind that has a twin");
         text.push_str(twin.wgsl);
         writeln!(sum, "    let end{header} = u32(lights[{header}].y);").unwrap();
         writeln!(
@@ -194,6 +304,18 @@ pub fn lights_wgsl(kinds: &[&str], lobe: &Lobe<f32>) -> String {
     }
     sum.push_str("    return sum;\n}\n");
     text + &sum
+}
+
+/// The factor before the polynomials 1, z (x), 3 z^2 - 1, x z of Y_00, Y_10 (Y_11), Y_20, Y_21: twice that before x^2 - y^2 of Y_22 is the last.
+fn polynomial_factor(degree: usize, m: usize) -> f64 {
+    use crate::sh::basis;
+    let diagonal = Vector3::new(std::f64::consts::FRAC_1_SQRT_2, 0.0, std::f64::consts::FRAC_1_SQRT_2);
+    let y = basis::<f64, 9>(diagonal)[degree * (degree + 1) + m];
+    match (degree, m) {
+        (0, _) => y,
+        (1, _) => y * std::f64::consts::SQRT_2,
+        _ => y * 2.0,
+    }
 }
 
 /// WGSL that defines `sphere_projection(center, radius, p)` after [`lights_wgsl`] and the SH basis with gradients.

@@ -74,7 +74,7 @@ impl Sphere<f64> {
 
 /// A sphere as a point outside it sees it.
 #[derive(Clone, Copy, Debug)]
-struct Cap<T> {
+pub(super) struct Cap<T> {
     /// Unit vector to the centre.
     towards: Vector3<T>,
     /// Metres to the centre.
@@ -214,6 +214,41 @@ fn zonal<T: Real>(cap: &Cap<T>) -> ([T; MAX_ORDER], [T; MAX_ORDER]) {
     (factors, legendre)
 }
 
+/// The cap about the unit vector `towards` with this sine of its half angle, at no distance in particular.
+#[inline(always)]
+pub(super) fn cap_of<T: Real>(towards: Vector3<T>, sine: T) -> Cap<T> {
+    Cap { towards, distance: T::one(), sine, cosine: ((T::one() - sine) * (T::one() + sine)).max(T::zero()).sqrt() }
+}
+
+/// E of a cap of unit radiance.
+#[inline(always)]
+pub(super) fn cap_response<T: Real>(cap: &Cap<T>, n: Vector3<T>, lobe: &Lobe<T>) -> T {
+    if lobe.is_lambert() { cap_irradiance(cap, n.dot(cap.towards)) } else { cap_lobe_irradiance(cap, n, lobe) }
+}
+
+/// Z_k of a cap: L_i = Z_k Y_i(w).
+#[inline(always)]
+pub(super) fn cap_factors<T: Real>(cap: &Cap<T>) -> [T; MAX_ORDER] {
+    zonal(cap).0
+}
+
+/// dZ_k/d(s2) = pi P_k(x)/x; not finite for a cap that fills the hemisphere.
+#[inline(always)]
+pub(super) fn cap_factor_slopes<T: Real>(cap: &Cap<T>) -> [T; MAX_ORDER] {
+    zonal(cap).1.map(|legendre| T::PI() * legendre / cap.cosine)
+}
+
+/// SH of a cap of unit radiance.
+#[inline(always)]
+pub(super) fn cap_projection<T: Real, const C: usize>(cap: &Cap<T>) -> [T; C] {
+    let factors = cap_factors(cap);
+    let mut sh = basis::<T, C>(cap.towards);
+    for i in 0..C {
+        sh[i] *= factors[degree_of(i)];
+    }
+    sh
+}
+
 impl<T: Real> UniformEmitter<T> for Sphere<T> {
     fn colour(&self) -> Rgb<T> {
         self.radiance
@@ -230,8 +265,7 @@ impl<T: Real> UniformEmitter<T> for Sphere<T> {
     fn unit_irradiance(&self, p: Vector3<T>, n: Vector3<T>, lobe: &Lobe<T>) -> Term<T> {
         Term::regular(match self.seen_from(p) {
             None => lobe.bands()[0],
-            Some(cap) if lobe.is_lambert() => cap_irradiance(&cap, n.dot(cap.towards)),
-            Some(cap) => cap_lobe_irradiance(&cap, n, lobe),
+            Some(cap) => cap_response(&cap, n, lobe),
         })
     }
 
@@ -239,12 +273,7 @@ impl<T: Real> UniformEmitter<T> for Sphere<T> {
         let Some(cap) = self.seen_from(p) else {
             return Term::regular(constant_projection());
         };
-        let (factors, _) = zonal(&cap);
-        let mut sh = basis::<T, C>(cap.towards);
-        for i in 0..C {
-            sh[i] *= factors[degree_of(i)];
-        }
-        Term::regular(sh)
+        Term::regular(cap_projection(&cap))
     }
 
     /// grad_p L_i = (2 pi s2 P_k(x)/(d x)) Y_i w - (Z_k/d) grad_S Y_i; grows like 1/x towards the surface and is dropped on it.

@@ -1,5 +1,5 @@
 use super::{GradientSource, SampleRequest, Sampled};
-use crate::light::{self, Light};
+use crate::light::{self, LightShape};
 use crate::math::{Real, Rgb, Vector3};
 use crate::scene::OrientedBox;
 use crate::sh::{ShRgb, ShVectors, Window, coefficients, degree_of};
@@ -10,7 +10,7 @@ use crate::with_order;
 /// `lights` are relative to the box's centre ([`Light::relative_to`]). The window damps the bands of every sample; its
 /// derivatives are damped by the value's factors.
 pub fn sample_lights<T: Real>(
-    lights: &[Light<T>],
+    lights: &[impl LightShape<T>],
     bounds: &OrientedBox,
     requests: &[SampleRequest],
     order: usize,
@@ -21,7 +21,7 @@ pub fn sample_lights<T: Real>(
 }
 
 fn sample_of_order<T: Real, const C: usize>(
-    lights: &[Light<T>],
+    lights: &[impl LightShape<T>],
     bounds: &OrientedBox,
     requests: &[SampleRequest],
     gradients: GradientSource,

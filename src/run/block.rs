@@ -87,6 +87,9 @@ pub struct Findings {
     /// FLIP of the picture, LDR.
     pub flip: Option<f64>,
     pub counts: Counts,
+    /// Lights evaluated at every point, the mean over the frames of an animation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub direct_lights: Option<f64>,
     /// Values that were not finite among the candidate's.
     pub non_finite: u64,
     /// Vertices of all receivers.
@@ -320,9 +323,8 @@ impl Film {
         let frozen = frozen.filter(|_| recipe.volume.is_none());
         let boxes: Vec<Vec<OrientedBox>> =
             self.frames.iter().map(|block| block.parts.iter().map(|part| part.bounds).collect()).collect();
-        let prepare = |frame: usize| {
-            self.frames[frame].prepare_after(recipe, transports.get(frame), gpu, &boxes[..frame])
-        };
+        let prepare =
+            |frame: usize| self.frames[frame].prepare_after(recipe, transports.get(frame), gpu, &boxes[..frame]);
         let frames = match frozen {
             Some(frame) => vec![prepare(frame)?],
             None => (0..self.frames.len()).map(prepare).collect::<Result<_, _>>()?,
@@ -360,6 +362,12 @@ impl Film {
                 singular: counts.iter().map(|c| c.singular).sum(),
                 ..counts.first().copied().unwrap_or_default()
             },
+            direct_lights: counts
+                .iter()
+                .map(|c| c.direct_lights)
+                .sum::<Option<u64>>()
+                .filter(|_| !counts.is_empty())
+                .map(|sum| sum as f64 / counts.len() as f64),
             non_finite: values.iter().flatten().flatten().filter(|v| !v.is_finite()).count() as u64,
             vertices: first.parts.iter().map(|p| p.vertices as u64).sum(),
             ..Findings::default()

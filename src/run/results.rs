@@ -53,13 +53,15 @@ fn rows(experiment: &Experiment, run: &Run) -> Vec<Cells> {
     for (column, count) in [
         ("sh_vectors", counts.sh_vectors),
         ("projections", counts.projections),
-        ("direct_lights", counts.direct_lights),
         ("model_bytes", counts.model_bytes),
         ("singular", Some(counts.singular)),
         ("non_finite", Some(findings.non_finite)),
     ] {
         put(&mut pooled, column, count.map(|c| c.to_string()));
     }
+    // a whole number where every frame has as many
+    let direct_lights = findings.direct_lights.or(counts.direct_lights.map(|c| c as f64));
+    put(&mut pooled, "direct_lights", direct_lights.map(|c| c.to_string()));
     put(&mut pooled, "condition", counts.condition.and_then(number));
     for column in ["shadow_rays", "closest_rays", "bounces", "emitter_samples", "wrap_evaluations"] {
         put(&mut pooled, column, findings.counters.get(column).map(u64::to_string));

@@ -16,7 +16,7 @@ use crate::cost::pareto::front;
 use crate::cost::processor_name;
 use crate::experiment::{
     ALGORITHMS, Axis, Backend, Candidate, Experiment, Identity, Keep, Key, Precision, ProbeSource, Storage,
-    TimingIdentity,
+    TimingIdentity, Transition,
 };
 use crate::gpu::{AdapterKind, Gpu};
 use crate::math::Rgb;
@@ -111,6 +111,14 @@ pub fn recipe_of(candidate: &Candidate, seed: u64) -> Recipe {
                 Probes::Traced { effort: spp.map_or(Effort::ACCURATE, |s| Effort::Samples(u64::from(s))), seed }
             }
             _ => Probes::Analytic,
+        },
+        lights: candidate.light_model,
+        transition: match candidate.transition {
+            Some(Transition::Threshold { threshold, blend }) => {
+                Some(crate::candidate::Transition::Error { threshold, blend })
+            }
+            Some(Transition::Nearer) => Some(crate::candidate::Transition::Nearer),
+            Some(Transition::None) | None => None,
         },
         arithmetic: match (candidate.backend, candidate.storage, candidate.precision) {
             (Backend::Gpu, Some(Storage::Texture), _) => Arithmetic::GpuTexture,
@@ -523,7 +531,7 @@ fn times(
         let first = &runs[block[0]].candidate;
         let stage = Stage::new(experiment, first);
         let film = stage.film(experiment, first, Vec::new(), None, false, cache);
-        let frame = &film.frames[first.freeze_frame().unwrap_or(0)];
+        let frame = &film.frames[first.freeze_frame().unwrap_or(picture_frame(film.frames.len()))];
         let transport = stage.is_sampled().then(|| stage.transport(&frame.lights));
         let recipe = |i: &usize| stage.recipe(experiment, &runs[*i].candidate, &film, bakery);
         let stocked: Vec<Result<Recipe, String>> = block.iter().map(recipe).collect();

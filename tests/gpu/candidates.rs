@@ -1,12 +1,10 @@
 //! Whole candidates, set up as a run sets them up: the GPU's irradiance against the CPU's.
 
-use rigbench::candidate::{Arithmetic, GpuBench, Probes, Recipe, Surroundings, prepare};
+use rigbench::candidate::{Arithmetic, GpuBench, Recipe, Surroundings, prepare};
 use rigbench::light::{Directional, Disk, Light, Point, Sphere};
 use rigbench::math::{Rgb, Stream, StreamPurpose, Vector3};
-use rigbench::probe::GradientSource;
 use rigbench::rig::{AnyRig, catalogue};
 use rigbench::scene::{OrientedBox, SurfacePoint};
-use rigbench::sh::Window;
 
 use crate::on_gpu;
 
@@ -47,15 +45,7 @@ fn points() -> Vec<SurfacePoint> {
 }
 
 fn irradiance(rig: Option<&AnyRig>, arithmetic: Arithmetic, bench: Option<&GpuBench>) -> Result<Vec<Rgb<f64>>, String> {
-    let recipe = Recipe {
-        volume: None,
-        rig: rig.cloned(),
-        order: 3,
-        gradients: GradientSource::Analytic,
-        window: Window::None,
-        probes: Probes::Analytic,
-        arithmetic,
-    };
+    let recipe = Recipe::new(rig.cloned(), 3, arithmetic);
     let lights = lights();
     let around = Surroundings { bounds: bounds(), lights: &lights, wrap: 0.0, transport: None };
     let lit = prepare(&recipe, &around, bench).map_err(|error| error.to_string())?;

@@ -2,8 +2,8 @@
 
 use rigbench::gpu::{DirectEvaluator, Gpu, ShaderText, WgslExpression};
 use rigbench::light::{
-    self, Constant, Directional, Disk, Light, LightRows, LightShape, Point, Polygon, Rect, Sphere, Tube, lights_wgsl,
-    shader_kinds,
+    self, Constant, Directional, Disk, Light, LightModel, LightRows, LightShape, ModelledLight, Point, Polygon, Rect,
+    ShaderLight, Sphere, Tube, lights_wgsl, model_kinds, shader_kinds,
 };
 use rigbench::math::{Rgb, Stream, StreamPurpose, Vector3};
 use rigbench::rig::LocalPoints;
@@ -305,7 +305,10 @@ fn points() -> LocalPoints<f32> {
 }
 
 /// Largest difference of E from Rust over all points; relative to the mean of E.
-fn direct_difference(gpu: &Gpu, lights: &[Light<f32>], model: &str, lobe: &Lobe<f32>) -> f32 {
+fn direct_difference<L>(gpu: &Gpu, lights: &[L], model: &str, lobe: &Lobe<f32>) -> f32
+where
+    L: LightShape<f32> + ShaderLight + Clone + Send + 'static,
+{
     let points = points();
     let got = DirectEvaluator::with_model(gpu, lights, model).unwrap().evaluate(lights, &points).unwrap();
     let expected: Vec<_> =
@@ -347,8 +350,40 @@ fn every_light_at_every_point_is_what_rust_sums() {
             }
         }
         // no light at all
-        let none = DirectEvaluator::new(gpu, &[], &Lobe::lambert()).unwrap().evaluate(&[], &points()).unwrap();
+        let no_lights: &[Light<f32>] = &[];
+        let none =
+            DirectEvaluator::new(gpu, no_lights, &Lobe::lambert()).unwrap().evaluate(no_lights, &points()).unwrap();
         assert!(none.iter().all(|e| *e == Rgb::zero()));
+    });
+}
+
+#[test]
+fn every_formula_is_what_rust_answers() {
+    on_gpu("every_formula_is_what_rust_answers", |gpu| {
+        for wrap in [0.0, 0.5] {
+            let lobe = Lobe::new(wrap);
+            let mut lights: Vec<ModelledLight<f32>> = Vec::new();
+            for word in LightModel::words() {
+                let model = LightModel::named(word).unwrap();
+                lights.extend(every_kind().into_iter().map(|light| model.light(light, light::DIRECT_ORDER)));
+            }
+            lights.retain(|light| model_kinds(&lobe).any(|kind| kind == light.kind_name()));
+            let kinds = LightRows::new(&lights).unwrap().kinds;
+            assert_eq!(kinds, model_kinds(&lobe).collect::<Vec<_>>(), "every formula with a twin is tested");
+            let right = lights_wgsl(&kinds, &lobe);
+            let off = direct_difference(gpu, &lights, &right, &lobe);
+            println!("wrap {wrap}: {off:e}");
+            assert!(off < DISK_TOLERANCE as f32, "wrap {wrap}: {off}");
+            for kind in &kinds {
+                let alone: Vec<_> = lights.iter().filter(|light| light.kind_name() == *kind).cloned().collect();
+                let off = direct_difference(gpu, &alone, &lights_wgsl(&[kind], &lobe), &lobe);
+                println!("{kind}: {off:e}");
+                assert!(off < DISK_TOLERANCE as f32, "{kind}, wrap {wrap}: {off}");
+                let without = right.replacen(&format!("sum += {kind}_light(row, p, n)"), "sum += vec3f(0.0)", 1);
+                assert_ne!(without, right);
+                assert!(direct_difference(gpu, &lights, &without, &lobe) > 1e-3, "nobody missed {kind}");
+            }
+        }
     });
 }
 

@@ -6,14 +6,13 @@ use glam::DVec3;
 
 use super::values::Values;
 use super::{Lighting, Quantity, Query, differences, doubles, gradient_step, mean_position, rig_values};
-use crate::candidate::{Arithmetic, FittedRig, GpuBench, Probes, Recipe, Surroundings, local_points, prepare};
+use crate::candidate::{Arithmetic, FittedRig, GpuBench, Recipe, Surroundings, local_points, prepare};
 use crate::cli::{Exit, Failure};
 use crate::gpu::{AdapterKind, Evaluator, Gpu};
 use crate::math::{Rgb, gauss_legendre};
-use crate::probe::GradientSource;
 use crate::rig::{AnyRig, Rig};
 use crate::scene::{OrientedBox, SurfacePoint};
-use crate::sh::{Window, basis, coefficients};
+use crate::sh::{basis, coefficients};
 
 /// A rig from its buffer, or every light at every point.
 pub(super) fn values(
@@ -56,15 +55,7 @@ fn direct_values(
     gpu: Gpu,
 ) -> Result<Values, Failure> {
     let origin = mean_position(points);
-    let recipe = Recipe {
-        rig: None,
-        volume: None,
-        order: usize::from(args.order),
-        gradients: GradientSource::Analytic,
-        window: Window::None,
-        probes: Probes::Analytic,
-        arithmetic: Arithmetic::GpuBuffer,
-    };
+    let recipe = Recipe::new(None, usize::from(args.order), Arithmetic::GpuBuffer);
     let around = Surroundings {
         bounds: bounds.unwrap_or(OrientedBox::aligned(origin, origin)),
         lights: lighting.lights,

@@ -13,7 +13,7 @@ use self::points::read_points;
 use self::values::{Values, write_csv};
 use super::{Exit, Failure, print};
 use crate::candidate::{FittedRig, RigStage, local_points};
-use crate::light::{self, Light};
+use crate::light::{self, Light, LightModel};
 use crate::math::{Real, Rgb, Stream, StreamPurpose, Vector3};
 use crate::probe::GradientSource;
 use crate::reference;
@@ -321,7 +321,16 @@ fn rig_values<T: Real>(
 ) -> Result<Values, Failure> {
     let lobe = Lobe::<T>::new(args.wrap);
     let order = usize::from(args.order);
-    let stage = RigStage::<T>::new(rig, bounds, order, lighting.lights, lobe, GradientSource::Analytic, Window::None);
+    let stage = RigStage::<T>::new(
+        rig,
+        bounds,
+        order,
+        lighting.lights,
+        LightModel::EXACT,
+        lobe,
+        GradientSource::Analytic,
+        Window::None,
+    );
     if !lighting.is_sampled() {
         return read(&stage.fit());
     }
