@@ -2,15 +2,20 @@
 //!
 //! Batched spheres (2,000 spheres into an 8x8x8 lattice with gradients) in lights x samples a second on one core, against seven
 //! value-only projections by the same kernel (what central differences take) and against one light at a point at a time;
-//! then every area shape's projection with gradient, one at a time, at orders 3 and 6. Variants are timed in turn; medians.
+//! then every area shape's projection with gradient, one at a time, at orders 3 and 6; irradiance of a disk by each of its formulas; and the same
+//! spheres into the same lattice on the GPU, if there is one (a software adapter is named as such: its times are no GPU's). Variants are timed in turn; medians.
 
 use std::hint::black_box;
 use std::time::Instant;
 
 use glam::DVec3;
-use rigbench::light::{Disk, Light, LightShape, Polygon, Rect, ShGradient, Sphere, SphereBatch, Tube};
+use rigbench::gpu::{AdapterKind, Gpu, SphereProjector};
+use rigbench::light::{
+    DIRECT_ORDER, Disk, Light, LightModel, LightShape, ModelledLight, Polygon, Rect, ShGradient, Sphere, SphereBatch,
+    Tube,
+};
 use rigbench::math::{Rgb, Stream, StreamPurpose, Vector3};
-use rigbench::sh::ShRgb;
+use rigbench::sh::{Lobe, ShRgb};
 
 const REPEATS: usize = 15;
 const LIGHTS: usize = 2000;
@@ -157,6 +162,74 @@ fn one_at_a_time() {
     }
 }
 
+/// Irradiance of one disk at points half a radius to eight radii away, all normals.
+fn disk_formulas() {
+    let mut stream = Stream::indexed(2, StreamPurpose::Test, 1);
+    let receivers: Vec<(Vector3<f32>, Vector3<f32>)> = (0..20_000)
+        .map(|_| {
+            let place = stream.direction() * stream.uniform_between(0.5, 8.0);
+            (Vector3::of(DVec3::new(place.x, place.y, place.z.abs())), Vector3::of(stream.direction()))
+        })
+        .collect();
+    let disk =
+        Disk { center: Vector3::zero(), normal: Vector3::new(0.0, 0.0, 1.0), radius: 1.0, radiance: Rgb::splat(1.0) };
+    let words = ["exact", "wallace", "sphere_proxy", "table"];
+    let lights: Vec<ModelledLight<f32>> = words
+        .iter()
+        .map(|word| LightModel::named(word).expect("a word").light(Light::Disk(disk.clone()), DIRECT_ORDER))
+        .collect();
+    let lobe = Lobe::lambert();
+    let mut runs: Vec<Box<dyn FnMut() + '_>> = lights
+        .iter()
+        .map(|light| {
+            let (lobe, receivers) = (&lobe, &receivers);
+            Box::new(move || {
+                for (p, n) in receivers {
+                    black_box(light.irradiance(black_box(*p), *n, lobe));
+                }
+            }) as Box<dyn FnMut()>
+        })
+        .collect();
+    let mut variants: Vec<&mut dyn FnMut()> = runs.iter_mut().map(|run| &mut **run as &mut dyn FnMut()).collect();
+    let seconds = medians(&mut variants);
+    let each: Vec<String> = words
+        .iter()
+        .zip(&seconds)
+        .map(|(word, s)| format!("{word} {:.1} ns ({:.2})", s / receivers.len() as f64 * 1e9, s / seconds[0]))
+        .collect();
+    println!("disk: irradiance a light and point, f32, one core: {}", each.join(", "));
+}
+
+fn on_gpu() {
+    let gpu = match Gpu::open(AdapterKind::Any) {
+        Ok(gpu) => gpu,
+        Err(why) => return println!("GPU: none: {why}"),
+    };
+    let (spheres, points) = (spheres(), lattice());
+    for order in [3, 6] {
+        let timed =
+            SphereProjector::new(&gpu, order).and_then(|projector| projector.prepare(&spheres, &points)).and_then(
+                |mut prepared| prepared.time(1, if gpu.adapter().label().contains("software") { 3 } else { REPEATS }),
+            );
+        match timed {
+            Err(why) => println!("GPU order {order}: {why}"),
+            Ok(timing) => {
+                let median = {
+                    let mut samples = timing.samples_ns_per_point.clone();
+                    samples.sort_by(f64::total_cmp);
+                    samples[samples.len() / 2]
+                };
+                println!(
+                    "GPU order {order}: {:.1} M lights x samples/s with gradients, {} ({})",
+                    LIGHTS as f64 / median * 1e3,
+                    gpu.adapter().label(),
+                    timing.timer.name()
+                );
+            }
+        }
+    }
+}
+
 fn main() {
     // `cargo test` runs benches too: there one small pass is enough to see that they work
     if std::env::args().any(|a| a == "--test") {
@@ -165,4 +238,6 @@ fn main() {
     batched::<9>(3);
     batched::<36>(6);
     one_at_a_time();
+    disk_formulas();
+    on_gpu();
 }

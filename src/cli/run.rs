@@ -10,7 +10,7 @@ use crate::figure::figures_of;
 use crate::figure::summary::summary;
 use crate::figure::table::Table;
 use crate::run::{
-    Ending, Store, Sweep, SweepError, SweepOptions, claims, interrupt, results, sweep, thresholds, write_atomic,
+    Ending, Store, Sweep, SweepError, SweepOptions, claims, interrupt, results, study, sweep, thresholds, write_atomic,
 };
 
 /// Run an experiment: render, measure, time, draw
@@ -83,6 +83,7 @@ impl Run {
             Err(SweepError::Store(error)) => return Err(error.into()),
         };
         results::write(&experiment, &swept, &store)?;
+        study::write(&experiment.studies, store.root())?;
         let skipped = swept.runs.iter().filter(|run| matches!(run.ending, Ending::Skipped(_))).count();
         eprintln!(
             "{} runs: {} computed, {} cached, {} failed, {skipped} skipped; results in {}",

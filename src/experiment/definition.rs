@@ -529,7 +529,7 @@ pub fn resolve_order(value: &Spanned<AxisValue>, source: &Source) -> Result<Choi
 }
 
 /// Exactly one key of several is given.
-fn one_key<const N: usize>(
+pub fn one_key<const N: usize>(
     source: &Source,
     span: Range<usize>,
     what: &str,

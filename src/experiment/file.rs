@@ -6,6 +6,7 @@ use serde::Deserialize;
 
 use super::axis::AxisTable;
 use super::definition::{GradientSourceFile, LightModelFile, ProbeSourceFile, TransitionFile, WindowFile};
+use super::study::StudyFile;
 use crate::input::{Finite, Spanned};
 use crate::rig::interpolation::InterpolationFile;
 use crate::volume::HeuristicFile;
@@ -50,6 +51,8 @@ pub struct ExperimentFile {
     pub threshold: Vec<Spanned<ThresholdFile>>,
     #[serde(default)]
     pub claim: Vec<Spanned<ClaimFile>>,
+    #[serde(default)]
+    pub study: Vec<Spanned<StudyFile>>,
     pub reference: Option<ReferenceFile>,
 }
 
@@ -59,6 +62,7 @@ pub struct ImageFile {
     pub width: Option<Spanned<i64>>,
     pub height: Option<Spanned<i64>>,
     pub keep: Option<Spanned<String>>,
+    pub frame: Option<Spanned<i64>>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -12,6 +12,7 @@ mod file;
 mod identity;
 mod schema;
 mod select;
+mod study;
 
 pub use axis::{Axis, AxisValue};
 pub use candidate::{Candidate, Lights, Method};
@@ -20,6 +21,7 @@ pub use definition::{Backend, LightModel, Precision, ProbeSource, Storage, Trans
 pub use document::Override;
 pub use identity::{ALGORITHMS, Algorithms, Identity, Key, TimingIdentity};
 pub use select::{Filter, Selection};
+pub use study::{Study, StudyKind};
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -63,6 +65,8 @@ pub struct ImageSettings {
     pub width: u32,
     pub height: u32,
     pub keep: Keep,
+    /// The frame of an animation of which pictures and times are taken; absent: the middle one.
+    pub frame: Option<usize>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -125,6 +129,8 @@ pub struct Experiment {
     pub effects: EffectsChoice,
     pub thresholds: Vec<Threshold>,
     pub claims: Vec<Claim>,
+    /// Numbers beside the sweep.
+    pub studies: Vec<Study>,
     /// In the order of the matrix, the last axis fastest; then the includes.
     pub candidates: Vec<Candidate>,
 }
@@ -267,13 +273,24 @@ impl<'f> Reader<'f> {
         let shared = Arc::new(json!({
             "seed": seed,
             "effects": effects_words(effects),
-            "image": { "width": image.width, "height": image.height },
+            "image": match image.frame {
+                None => json!({ "width": image.width, "height": image.height }),
+                Some(frame) => json!({ "width": image.width, "height": image.height, "frame": frame }),
+            },
             "reference": reference,
         }));
         let candidates = self.candidates(shared)?;
+        if let Some(frame) = file.image.as_ref().and_then(|image| image.frame.as_ref())
+            && let Some(short) = candidates.iter().find(|c| c.scene.frames as i64 <= *frame.get_ref())
+        {
+            let (name, frames) = (&short.scene.name, short.scene.frames);
+            let message = format!("frame {}; scene `{name}` has {frames} (from 0)", frame.get_ref());
+            return Err(source.error(frame.span(), message));
+        }
         let timed = self.timed(&candidates)?;
         let thresholds = self.thresholds(&candidates)?;
         let claims = self.claims(&candidates)?;
+        let studies = self.studies()?;
         Ok(Experiment {
             path: source.path.clone(),
             changes: Vec::new(),
@@ -288,6 +305,7 @@ impl<'f> Reader<'f> {
             effects,
             thresholds,
             claims,
+            studies,
             candidates,
         })
     }
@@ -306,13 +324,16 @@ impl<'f> Reader<'f> {
 
     fn image(&self) -> Result<ImageSettings, InputError> {
         let source = self.source;
-        let mut settings = ImageSettings { width: 320, height: 180, keep: Keep::Front };
+        let mut settings = ImageSettings { width: 320, height: 180, keep: Keep::Front, frame: None };
         let Some(image) = &self.file.image else { return Ok(settings) };
         if let Some(width) = &image.width {
             settings.width = whole(source, width, "width", 1..=8192)?;
         }
         if let Some(height) = &image.height {
             settings.height = whole(source, height, "height", 1..=8192)?;
+        }
+        if let Some(frame) = &image.frame {
+            settings.frame = Some(whole(source, frame, "frame", 0..=1_000_000)? as usize);
         }
         if let Some(keep) = &image.keep {
             settings.keep = match keep.get_ref().as_str() {
@@ -562,6 +583,18 @@ impl<'f> Reader<'f> {
             true => Ok(Some(selection)),
             false => Err(self.source.error(only.span(), "`only` matches no run: nothing would be timed")),
         }
+    }
+
+    fn studies(&self) -> Result<Vec<Study>, InputError> {
+        let mut studies: Vec<Study> = Vec::new();
+        for file in &self.file.study {
+            let study = file.get_ref().resolve(self.source, file.span())?;
+            if studies.iter().any(|other| other.name == study.name) {
+                return Err(self.source.error(file.span(), format!("a second study `{}`", study.name)));
+            }
+            studies.push(study);
+        }
+        Ok(studies)
     }
 
     fn claims(&self, candidates: &[Candidate]) -> Result<Vec<Claim>, InputError> {

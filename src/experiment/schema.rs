@@ -7,6 +7,7 @@ use super::definition::{
     Backend, GradientSourceFile, LightModel, LightModelFile, Precision, ProbeSource, ProbeSourceFile, Storage,
     Transition, TransitionFile, WindowFile, WordAxis,
 };
+use super::study::StudyFile;
 use super::{Axis, Experiment};
 use crate::input::schema::{
     above, default, defined, described, document, either, flag, list, named, number, one_key, optional, required, some,
@@ -71,6 +72,10 @@ impl Experiment {
             optional("width", default(whole(1, 8192), 320)),
             optional("height", default(whole(1, 8192), 180)),
             optional("keep", default(keep, "front")),
+            optional(
+                "frame",
+                described(whole_from(0), "of which pictures and times are taken; absent: the middle one"),
+            ),
         ]);
         let timing = table([
             optional("warmup", default(described(whole(0, 1000), "rounds that are thrown away"), 3)),
@@ -126,6 +131,13 @@ impl Experiment {
             optional("timing", timing),
             optional("threshold", list(threshold)),
             optional("claim", list(claim)),
+            optional(
+                "study",
+                described(
+                    list(StudyFile::schema()),
+                    "numbers beside the sweep, in studies/NAME.csv, with their figures",
+                ),
+            ),
             optional("reference", described(reference, "bounds on the cost of sampled references")),
         ]);
         file["definitions"] = serde_json::json!({ "axes": axes() });

@@ -12,9 +12,11 @@ use super::dots::{Dot, DotPanel, Dots};
 use super::fronts::{COSTS, Fronts, Point};
 use super::heat_map::{ColumnGroup, HeatMap};
 use super::latex::latex;
+use super::near_far;
 use super::scale::{Format, Scale};
 use super::split::{Split, SplitPanel, SplitRow};
 use super::statistics::{mean_interval, ranks, wilson};
+use super::study;
 use super::svg::VERSION;
 use super::table::{
     Group, Matrix, Row, Table, by_what_they_keep, family, groups, is_software, name, named_first, varying_axes,
@@ -63,7 +65,9 @@ fn fingerprint(table: &Table, folder: &Path) -> io::Result<String> {
         Err(_) => Vec::new(),
     };
     images.sort_unstable();
-    let whole = format!("{VERSION}\n{}\n{}", images.join("\n"), table.to_csv());
+    let studies: String =
+        study::tables(folder)?.iter().map(|(name, table)| format!("{name}\n{}", table.to_csv())).collect();
+    let whole = format!("{VERSION}\n{}\n{}\n{studies}", images.join("\n"), table.to_csv());
     Ok(blake3::hash(whole.as_bytes()).to_hex().to_string())
 }
 
@@ -107,6 +111,12 @@ fn draw(table: &Table, folder: &Path, target: &Path) -> io::Result<Vec<String>> 
         let parts = ["order", group.key[0], group.key[1], group.key[2], &adapter];
         let same = group.clone();
         jobs.add(&parts, move || against_order(&same));
+        let parts = ["near-and-far", group.key[0], group.key[1], group.key[2], &adapter];
+        let same = group.clone();
+        jobs.add(&parts, move || {
+            let title = format!("{}, {}: lights near by evaluated directly", same.key[0], same.key[1]);
+            near_far::figure(&same.rows, title, case_line(&same))
+        });
         let parts = ["frames", group.key[0], group.key[1], group.key[2], &adapter];
         let key = group.key.clone();
         jobs.add(&parts, move || against_frame(table, &key));
@@ -136,6 +146,11 @@ fn draw(table: &Table, folder: &Path, target: &Path) -> io::Result<Vec<String>> 
         }
     }
 
+    for (name, table) in study::tables(folder)? {
+        for (what, figure) in study::figures(&table) {
+            jobs.add(&["study", &name, what], move || Some(figure.clone()));
+        }
+    }
     let orders: Vec<usize> = rows.iter().filter_map(|r| r.number("order")).map(|o| o as usize).collect();
     jobs.add(&["cosine-by-order"], move || cosine::figure(&orders));
 

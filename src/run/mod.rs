@@ -9,6 +9,7 @@ pub mod interrupt;
 mod progress;
 pub mod results;
 mod store;
+pub mod study;
 mod sweep;
 pub mod thresholds;
 mod timing;

@@ -369,7 +369,7 @@ impl Stage {
         cache: &ArrayCache,
     ) -> Film {
         let scene = &candidate.scene;
-        let picture_frame = picture_frame(scene.frames);
+        let picture_frame = picture_frame(experiment, scene.frames);
         let frames = (0..scene.frames)
             .map(|frame| {
                 let lights = candidate.lights.at(frame, scene.frames);
@@ -402,8 +402,8 @@ impl Stage {
 }
 
 /// The frame of which pictures are taken.
-fn picture_frame(frames: usize) -> usize {
-    frames / 2
+fn picture_frame(experiment: &Experiment, frames: usize) -> usize {
+    experiment.image.frame.unwrap_or(frames / 2).min(frames - 1)
 }
 
 /// Computes one run and keeps it; whatever happens inside is the run's own failure.
@@ -531,7 +531,7 @@ fn times(
         let first = &runs[block[0]].candidate;
         let stage = Stage::new(experiment, first);
         let film = stage.film(experiment, first, Vec::new(), None, false, cache);
-        let frame = &film.frames[first.freeze_frame().unwrap_or(picture_frame(film.frames.len()))];
+        let frame = &film.frames[first.freeze_frame().unwrap_or(picture_frame(experiment, film.frames.len()))];
         let transport = stage.is_sampled().then(|| stage.transport(&frame.lights));
         let recipe = |i: &usize| stage.recipe(experiment, &runs[*i].candidate, &film, bakery);
         let stocked: Vec<Result<Recipe, String>> = block.iter().map(recipe).collect();
@@ -642,7 +642,7 @@ fn images(
         let stage = Stage::new(experiment, first);
         let orders = Vec::new();
         let film = stage.film(experiment, first, orders, Some(size), true, cache);
-        let frame = picture_frame(film.frames.len());
+        let frame = picture_frame(experiment, film.frames.len());
         let Some(view) = &film.frames[frame].view else { continue };
         let reference = view.picture(&view.reference);
         let transports = stage.transports(&film);

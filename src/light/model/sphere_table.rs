@@ -7,8 +7,8 @@ use crate::math::{Real, Rgb, Vector3};
 use crate::sh::Lobe;
 
 /// Snyder's texture of a sphere light's irradiance for the clamped cosine, over distance and angle (Snyder 1996):
-/// E/s^3 over s = R/d in [0, 1] and tau = (n.w)/s in [-1, 1], where the horizon cuts the sphere; beyond, E is pi s^2 n.w or 0.
-/// E/s^3 tends to a function of tau alone for small spheres and is pi at tau = 1, so both ends of both axes are exact.
+/// E/s^3, s = R/d, over the sphere's half angle asin(s) and tau = (n.w)/s in [-1, 1], where the horizon cuts the sphere; beyond, E is
+/// pi s^2 n.w or 0. E/s^3 tends to a function of tau alone for small spheres and is pi at tau = 1; over s itself it would have a root at the surface.
 #[derive(Debug)]
 pub struct SphereTable {
     size: usize,
@@ -31,7 +31,7 @@ impl SphereTable {
         let lambert = Lobe::<f64>::lambert();
         for row in 0..size {
             // E/s^3 is even in s at 0: 1e-4 is the limit to 1e-8
-            let s = (row as f64 / (size - 1) as f64).max(1e-4);
+            let s = (row as f64 / (size - 1) as f64 * std::f64::consts::FRAC_PI_2).sin().max(1e-4);
             let center = Vector3::new(0.0, 0.0, 1.0 / s);
             let sphere = Sphere { center, radius: 1.0, radiance: Rgb::splat(1.0) };
             for column in 0..size {
@@ -60,7 +60,8 @@ impl SphereTable {
             let cell = x.to_usize().unwrap_or(0).min(self.size - 2);
             (cell, x - T::of(cell as f64))
         };
-        let (row, y) = place(s);
+        let cosine = ((T::one() - s) * (T::one() + s)).max(T::zero()).sqrt();
+        let (row, y) = place(s.atan2(cosine) / T::FRAC_PI_2());
         let (column, x) = place((tau + T::one()) * T::of(0.5));
         let texel = |r: usize, c: usize| T::of(f64::from(self.texels[r * self.size + c]));
         let near = texel(row, column) * (T::one() - x) + texel(row, column + 1) * x;

@@ -14,7 +14,8 @@ fn sphere_table_irradiance(first: u32, center: vec4f, p: vec3f, n: vec3f) -> f32
     if facing <= -s { return 0.0; }
     let size = u32(lights[first].x);
     let cells = f32(size - 1u);
-    let at = vec2f(clamp(0.5 * (facing / s + 1.0), 0.0, 1.0), clamp(s, 0.0, 1.0)) * cells;
+    let half_angle = angle_of(s, sqrt(max((1.0 - s) * (1.0 + s), 0.0)));
+    let at = clamp(vec2f(0.5 * (facing / s + 1.0), half_angle / (0.5 * PI)), vec2f(0.0), vec2f(1.0)) * cells;
     let cell = min(vec2u(at), vec2u(size - 2u));
     let f = at - vec2f(cell);
     let index = cell.y * size + cell.x;
