@@ -134,7 +134,7 @@ fn wrong(cases: &[Case], threshold: f64, says_direct: impl Fn(&Case) -> bool) ->
     (needless, missed)
 }
 
-/// 500 random layouts that were not used to find the criterion's one constant (seeds from 1000 on are the test's).
+/// 500 random layouts that nothing was fitted to.
 #[test]
 fn the_criterion_orders_and_bounds_the_true_error() {
     let cases = cases(1000, 500);

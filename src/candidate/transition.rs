@@ -56,9 +56,6 @@ pub struct FarField<'a> {
     pub window: Window,
 }
 
-/// Safety of [`light_errors`]: the surface's normals are not uniform and the checks are few. Found on layouts of the seeds 1 to 40; what it gives on others is tested.
-const SAFETY: f64 = 1.5;
-
 /// Where the rig is checked: the middles of the box's faces and the eight points between them on the ellipsoid in the box.
 fn checks(half: [f64; 3]) -> Vec<[f64; 3]> {
     let mut places = Vec::with_capacity(14);
@@ -85,7 +82,8 @@ fn checks(half: [f64; 3]) -> Vec<[f64; 3]> {
 /// Parseval its mean square over all normals is the sum of A_k^2 |r_i - c_i|^2/(4 pi): below degree n what the rig interpolates wrongly, from n on what the
 /// order leaves out, and the two do not mix. The mean over the object's surface becomes the mean over 14 points of an ellipsoid in its box;
 /// the object's normals become all normals; degrees from 6 on are left out (A_6^2 is 7 % of A_4^2). The light's samples are those that the rig takes anyway;
-/// the 14 projections a light are the criterion's cost. All in f64 and for radiance under the same light model.
+/// the 14 projections a light are the criterion's cost. No constant is fitted. What it gives on 500 random layouts is tested (`tests/transitions.rs`):
+/// half of the estimates are too large and half too small, one in a hundred by more than 1.7 times too small.
 pub fn light_errors(far: &FarField) -> (Vec<f64>, u64) {
     const C: usize = MAX_COEFFICIENTS;
     let half = far.bounds.half;
@@ -124,7 +122,7 @@ pub fn light_errors(far: &FarField) -> (Vec<f64>, u64) {
         squares.push(square);
     }
     let all: f64 = total.iter().map(&mean_square).sum();
-    let errors = squares.into_iter().map(|square| if all > 0.0 { SAFETY * (square / all).sqrt() } else { 0.0 });
+    let errors = squares.into_iter().map(|square| if all > 0.0 { (square / all).sqrt() } else { 0.0 });
     (errors.collect(), projections)
 }
 

@@ -99,14 +99,17 @@ impl StudyFile {
             schema::optional("orders", list(schema::whole(1, MAX_ORDER as u64))),
         ]);
         let mut name = schema::described(schema::text(), "names studies/NAME.csv and its figures");
-        name["pattern"] = "^[a-z0-9_-]+$".into();
+        name["pattern"] = "^[A-Za-z0-9_-][A-Za-z0-9._-]{0,99}$".into();
         schema::one_key([("disk_models", disk), ("wrap_lobe", lobe)], [schema::required("name", name)])
     }
 
     pub fn resolve(&self, source: &Source, span: Range<usize>) -> Result<Study, InputError> {
         let name = self.name.get_ref();
-        if name.is_empty() || !name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || "-_".contains(c)) {
-            let message = format!("study name `{name}`: it names a file; small letters, digits, `-` and `_`");
+        let plain = name.chars().all(|c| c.is_ascii_alphanumeric() || "-_.".contains(c));
+        if !plain || name.is_empty() || name.starts_with('.') || name.len() > 100 {
+            let message = format!(
+                "study name `{name}`: it names a file; letters, digits, `-`, `_` and `.` (not first), at most 100"
+            );
             return Err(source.error(self.name.span(), message));
         }
         let spans = [

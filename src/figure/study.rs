@@ -54,16 +54,29 @@ fn series(rows: &[Row], by: &str, prefix: &str, x: &str, y: &str) -> Vec<Series>
 
 fn by_distance(rows: &[Row]) -> Option<Figure> {
     let series = series(rows, "model", "", "distance", "rms");
+    let named = |name: &str| series.iter().find(|s| s.name.starts_with(name));
+    let takes_over = named("wallace").zip(named("table")).and_then(|(wallace, table)| crossing(wallace, table));
+    let overtaken =
+        takes_over.map_or(String::new(), |distance| format!(" · Wallace's is the better from {distance:.2} R on"));
     (!series.is_empty()).then(|| {
         Curves {
             title: "Disk light: which formula, how far away".into(),
-            subtitle: "receivers on the front hemisphere, all normals".into(),
+            subtitle: format!("receivers on the front hemisphere, all normals{overtaken}"),
             x: Quantity { label: "distance from the centre, radii".into(), format: Format::Plain, log: true },
             y: Quantity { label: "RMS error of E/π, unit radiance".into(), format: Format::Plain, log: true },
             series,
         }
         .figure()
     })
+}
+
+/// The last x from which on the first curve lies below the second; both on the same x, straight lines in logarithms between.
+fn crossing(first: &Series, second: &Series) -> Option<f64> {
+    let gaps: Vec<(f64, f64)> =
+        first.points.iter().zip(&second.points).map(|(a, b)| (a.x.ln(), a.y.ln() - b.y.ln())).collect();
+    let place = gaps.windows(2).rposition(|pair| pair[0].1 > 0.0 && pair[1].1 <= 0.0)?;
+    let [(x0, g0), (x1, g1)] = [gaps[place], gaps[place + 1]];
+    Some((x0 + (x1 - x0) * g0 / (g0 - g1)).exp())
 }
 
 fn by_order(rows: &[Row]) -> Option<Figure> {
