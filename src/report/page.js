@@ -178,6 +178,7 @@
     selects.set(column, [select, of]);
     select.addEventListener('change', () => refresh());
   }
+  const byWord = new Intl.Collator('en', { numeric: true });
   let sortColumn = null, descending = false, everything = false;
   const LIMIT = 250;
   const head = make('tr');
@@ -213,7 +214,7 @@
       // what has no value stands last, whichever way
       key.sort(([, s, a], [, t, b]) => {
         if ((s === '') !== (t === '')) return s === '' ? 1 : -1;
-        const order = Number.isNaN(a) || Number.isNaN(b) ? s.localeCompare(t, 'en', { numeric: true }) : a - b;
+        const order = Number.isNaN(a) || Number.isNaN(b) ? byWord.compare(s, t) : a - b;
         return descending ? -order : order;
       });
       return key.map(([row]) => row);

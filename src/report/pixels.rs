@@ -88,6 +88,11 @@ struct Wanted<'a> {
 
 impl Pictures {
     pub fn of(stored: &Stored) -> Self {
+        Self::within(stored, BUDGET)
+    }
+
+    /// The pictures in at most so many characters: with fewer pixels where they would take more.
+    fn within(stored: &Stored, budget: usize) -> Self {
         let rows = stored.runs();
         let pictured = rows.iter().copied().filter(|r| {
             family(r.text("lights")).is_none() && stored.runs.get(r.text("run")).is_some_and(|files| files.has_image)
@@ -103,12 +108,12 @@ impl Pictures {
             let cases: Vec<Case> = wanted.par_iter().filter_map(|w| Case::of(w, largest, &read)).collect();
             let pictures = Self { cases };
             let size = pictures.size();
-            if size <= BUDGET || largest.0 < 32 {
+            if size <= budget || largest.0 < 32 {
                 return pictures;
             }
             // fewer pixels; what was packed once tells how many
             let shown = pictures.cases.iter().map(|c| c.width).max().unwrap_or(largest.0);
-            let factor = (BUDGET as f64 / size as f64).sqrt() * 0.96;
+            let factor = (budget as f64 / size as f64).sqrt() * 0.96;
             let width = (shown as f64 * factor) as usize;
             largest = (width.max(16), (width * LARGEST.1 / LARGEST.0).max(9));
         }
@@ -256,6 +261,8 @@ fn rounded_up(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::figure::table::Table;
+    use crate::math::{Stream, StreamPurpose};
 
     #[test]
     fn a_shrunk_picture_keeps_its_mean() {
@@ -270,6 +277,32 @@ mod tests {
         }
         assert_eq!(fitting((320, 180), (160, 160)), (160, 90));
         assert_eq!(fitting((32, 18), (480, 270)), (32, 18));
+    }
+
+    #[test]
+    fn pictures_that_do_not_shrink_get_fewer_pixels() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut table = Table::new(&["run", "scene", "lights", "rig", "backend", "status"]);
+        let mut stream = Stream::indexed(3, StreamPurpose::Test, 1);
+        let mut noise = || Picture::from_fn(160, 90, |_, _| [(); 3].map(|()| stream.uniform() as f32));
+        let reference = noise();
+        for i in 0..4 {
+            let run = format!("{i:012x}");
+            table.push([&run, "ball", "lamp", "rig", "cpu", "ok"].map(str::to_owned));
+            let image = LayeredImage::of_run(&noise(), &reference, None, &run, "{}");
+            image.write(&folder.path().join("images").join(format!("{run}.exr"))).unwrap();
+        }
+        std::fs::write(folder.path().join("results.csv"), table.to_csv()).unwrap();
+        let stored = Stored::read(folder.path()).unwrap();
+        let whole = Pictures::of(&stored);
+        assert_eq!((whole.count(), whole.cases[0].width), (4, 160));
+        // noise does not compress: at least the low bytes of every half stay
+        assert!(whole.size() > 4 * 3 * 160 * 90);
+        let budget = whole.size() / 5;
+        let small = Pictures::within(&stored, budget);
+        assert_eq!(small.count(), 4);
+        assert!(small.size() <= budget && small.size() > budget / 3, "{} of {budget}", small.size());
+        assert!(small.cases[0].width < 80 && small.cases[0].full == (160, 90));
     }
 
     #[test]

@@ -87,6 +87,7 @@ impl Browser {
         for domain in ["Page", "Runtime", "Log", "Network"] {
             browser.call(&format!("{domain}.enable"), json!({}));
         }
+        browser.emulate("", "light");
         Some(browser)
     }
 
@@ -201,7 +202,11 @@ impl Browser {
 
     /// Media features and type as the page sees them.
     pub fn emulate(&mut self, media: &str, scheme: &str) {
-        let features = json!([{ "name": "prefers-color-scheme", "value": scheme }]);
+        // without smooth scrolling what was found stays where it was found
+        let features = json!([
+            { "name": "prefers-color-scheme", "value": scheme },
+            { "name": "prefers-reduced-motion", "value": "reduce" },
+        ]);
         self.call("Emulation.setEmulatedMedia", json!({ "media": media, "features": features }));
     }
 
