@@ -487,7 +487,7 @@ max = 0.05
         ("\"lattice\", \"mixed\"]", "3, \"lattice\", \"mixed\"]", "3, \"lattice\"", "string", ""),
         ("[\"cpu\", \"gpu\"]", "[\"cpu\", \"gppu\"]", "\"gppu\"", "unknown backend", "`gpu`"),
         ("order = [2, 3]", "interpolation = [\"trilinaer\"]", "\"trilinaer\"", "unknown interpolation", "`trilinear`"),
-        ("order = [2, 3]", "heuristic = [\"hm\"]", "\"hm\"", "none is defined", ""),
+        ("order = [2, 3]", "heuristic = [\"hm\"]", "\"hm\"", "unknown heuristic `hm`", "`harmonic_mean`"),
         ("order = [2, 3]", "window = [\"hann\"]", "\"hann\"", "needs parameters", "[window.NAME]"),
         ("order = [2, 3]", "window = [\"sofft\"]", "\"sofft\"", "unknown window", "`soft`"),
         ("order = [2, 3]", "gradient_source = [\"central\"]", "\"central\"", "needs parameters", "step"),

@@ -6,7 +6,7 @@ use rigbench::figure::contact_sheet::{ContactSheet, Shown};
 use rigbench::figure::curves::{CurvePoint, Curves, Quantity, Series};
 use rigbench::figure::dots::{Dot, DotPanel, Dots};
 use rigbench::figure::drawing::{Anchor, Drawing, Item, Rect};
-use rigbench::figure::fronts::{Fronts, Point};
+use rigbench::figure::fronts::{COSTS, Fronts, Point};
 use rigbench::figure::heat_map::{ColumnGroup, HeatMap};
 use rigbench::figure::scale::{Format, Scale};
 use rigbench::figure::split::{Split, SplitPanel, SplitRow};
@@ -85,13 +85,18 @@ fn points(orders: &[u32], with_zero: bool) -> Vec<Point> {
                 run: format!("{:012x}", 7919 * (i as u64 + 100 * u64::from(order))),
                 order: (!direct).then_some(order),
                 error: Some(if with_zero && i == 6 { 0.0 } else { error }),
-                costs: vec![
-                    Some(if direct { 0.0 } else { setup } + 2400.0 * eval),
-                    Some(if direct { 0.0 } else { setup } + 1e6 * eval),
-                    Some(if direct { 0.0 } else { setup }),
-                    (!direct).then_some(vectors * 108.0 * size),
-                    (!direct).then_some(vectors),
-                ],
+                costs: COSTS
+                    .iter()
+                    .map(|cost| match cost.column {
+                        "frame_us_vertices" => Some(if direct { 0.0 } else { setup } + 2400.0 * eval),
+                        "frame_us_1m" => Some(if direct { 0.0 } else { setup } + 1e6 * eval),
+                        "setup_us" => Some(if direct { 0.0 } else { setup }),
+                        "model_bytes" => (!direct).then_some(vectors * 108.0 * size),
+                        "sh_vectors" => (!direct).then_some(vectors),
+                        // of a bake, which no rig around an object has
+                        _ => None,
+                    })
+                    .collect(),
             });
         }
     }

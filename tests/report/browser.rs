@@ -187,7 +187,11 @@ impl Browser {
         let told = |e: &Value| match e["method"].as_str().unwrap_or_default() {
             "Runtime.exceptionThrown" => true,
             "Runtime.consoleAPICalled" => matches!(e["params"]["type"].as_str(), Some("error" | "warning" | "assert")),
-            "Log.entryAdded" => matches!(e["params"]["entry"]["level"].as_str(), Some("error" | "warning")),
+            // hints about speed, which this test's own reading of pixels causes, are no complaints
+            "Log.entryAdded" => {
+                let entry = &e["params"]["entry"];
+                entry["level"] == "error" || (entry["level"] == "warning" && entry["source"] != "rendering")
+            }
             _ => false,
         };
         self.events.iter().filter(|e| told(e)).map(Value::to_string).collect()
