@@ -27,5 +27,6 @@ pub mod reference;
 pub mod candidate;
 pub mod run;
 pub mod figure;
+pub mod gate;
 pub mod report;
 pub mod cli;

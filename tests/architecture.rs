@@ -24,6 +24,7 @@ const ORDER: &[&str] = &[
     "candidate",
     "run",
     "figure",
+    "gate",
     "report",
     "cli", // flow
 ];

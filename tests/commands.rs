@@ -97,7 +97,7 @@ fn a_threshold_that_is_exceeded_exits_with_101() {
     let folder = project();
     let (exit, _, log) = run(folder.path(), &["run", "experiments/small.toml", "--set", "threshold.0.max=1e-12"]);
     assert_eq!(exit, 101, "{log}");
-    assert!(log.contains("EXCEEDED"), "{log}");
+    assert!(log.contains("FAILED: threshold"), "{log}");
 }
 
 #[test]

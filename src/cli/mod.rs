@@ -2,6 +2,8 @@
 //!
 //! Data goes to stdout, all else to stderr. A verb is a struct of arguments (clap) with `fn run(self) -> Result<Exit, Failure>`.
 
+mod check;
+mod compare;
 mod completions;
 mod doctor;
 mod exit;
@@ -52,6 +54,8 @@ macro_rules! verbs {
 verbs! {
     Plan => plan,
     Run => run,
+    Check => check,
+    Compare => compare,
     Query => query,
     Report => report,
     Figures => figures,

@@ -9,9 +9,8 @@ use crate::experiment::{Backend, Candidate, Experiment, Filter, Override};
 use crate::figure::figures_of;
 use crate::figure::summary::summary;
 use crate::figure::table::Table;
-use crate::run::{
-    Ending, Store, Sweep, SweepError, SweepOptions, claims, interrupt, results, study, sweep, thresholds, write_atomic,
-};
+use crate::gate::{self, Format, Stored, Verdict};
+use crate::run::{Ending, Store, Sweep, SweepError, SweepOptions, claims, interrupt, results, study, sweep, write_atomic};
 
 /// Run an experiment: render, measure, time, draw
 #[derive(Args, Debug)]
@@ -103,7 +102,7 @@ impl Run {
         if !self.no_report && !swept.interrupted {
             super::report::write(store.root())?;
         }
-        let mut exit = say_thresholds(&experiment, &swept);
+        let mut exit = say_thresholds(&experiment, &store)?;
         if swept.interrupted {
             exit = exit.and(Exit::Interrupted);
         }
@@ -147,22 +146,12 @@ fn say_claims(experiment: &Experiment, swept: &Sweep, store: &Store) -> Result<(
 }
 
 /// Says every margin of the experiment's thresholds.
-fn say_thresholds(experiment: &Experiment, swept: &Sweep) -> Exit {
-    let held = thresholds::held(experiment, swept);
-    let mut exit = Exit::Ok;
-    for one in &held {
-        let value = one.value.map_or("missing".to_owned(), |value| format!("{value:.6}"));
-        let bounds = match (one.min, one.max) {
-            (Some(min), Some(max)) => format!("{min} to {max}"),
-            (Some(min), None) => format!("at least {min}"),
-            (None, Some(max)) => format!("at most {max}"),
-            (None, None) => String::new(),
-        };
-        let word = if one.holds() { "holds" } else { "EXCEEDED" };
-        eprintln!("threshold of line {}: {word}: {} {value}, {bounds}: {}", one.line, one.metric, one.label);
-        if !one.holds() {
-            exit = Exit::Regression;
-        }
+fn say_thresholds(experiment: &Experiment, store: &Store) -> Result<Exit, Failure> {
+    if experiment.thresholds.is_empty() {
+        return Ok(Exit::Ok);
     }
-    exit
+    let held = gate::thresholds(&Stored::read(store.root())?, &experiment.thresholds);
+    eprint!("{}", gate::checks(&held, Format::Human, &experiment.name, &experiment.path));
+    let failed = held.iter().any(|check| check.verdict == Verdict::Failed);
+    Ok(if failed { Exit::Regression } else { Exit::Ok })
 }

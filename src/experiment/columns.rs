@@ -119,6 +119,19 @@ pub const COLUMNS: &[Column] = &[
         Quality,
         "largest change of a point's error between two frames, over the root mean square of the reference",
     ),
+    column(
+        "rmse_se",
+        "W/m^2",
+        Quality,
+        "standard error of rmse from the noise of the reference; empty where that is exact",
+    ),
+    column(
+        "nrmse_se",
+        "",
+        Quality,
+        "standard error of nrmse from the noise of the reference; empty where that is exact",
+    ),
+    column("bias_se", "", Quality, "standard error of bias from the noise of the reference; empty where that is exact"),
     column("non_finite", "", Quality, "values of the candidate that are not finite"),
     column(
         "leak",

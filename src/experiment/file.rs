@@ -7,6 +7,7 @@ use serde::Deserialize;
 use super::axis::AxisTable;
 use super::definition::{GradientSourceFile, LightModelFile, ProbeSourceFile, TransitionFile, WindowFile};
 use super::study::StudyFile;
+use super::settings::{CheckFile, LimitsFile, SlurmFile};
 use crate::input::{Finite, Spanned};
 use crate::rig::interpolation::InterpolationFile;
 use crate::volume::HeuristicFile;
@@ -54,6 +55,9 @@ pub struct ExperimentFile {
     #[serde(default)]
     pub study: Vec<Spanned<StudyFile>>,
     pub reference: Option<ReferenceFile>,
+    pub limits: Option<LimitsFile>,
+    pub slurm: Option<SlurmFile>,
+    pub check: Option<CheckFile>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -124,6 +128,7 @@ pub struct ThresholdFile {
     #[serde(rename = "where")]
     pub selection: Spanned<AxisTable>,
     pub metric: Spanned<String>,
+    pub per: Option<Spanned<AxisTable>>,
     pub max: Option<Spanned<Finite>>,
     pub min: Option<Spanned<Finite>>,
 }

@@ -13,6 +13,7 @@ mod identity;
 mod schema;
 mod select;
 mod study;
+mod settings;
 
 pub use axis::{Axis, AxisValue};
 pub use candidate::{Candidate, Lights, Method};
@@ -22,6 +23,7 @@ pub use document::Override;
 pub use identity::{ALGORITHMS, Algorithms, Identity, Key, TimingIdentity};
 pub use select::{Filter, Selection};
 pub use study::{Study, StudyKind};
+pub use settings::{CheckSettings, LimitSettings, SlurmSettings};
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -91,6 +93,8 @@ pub struct ReferenceSettings {
 pub struct Threshold {
     pub selection: Selection,
     pub metric: &'static Column,
+    /// The value is a ratio to that of the run of the same scene, lights and backend that this picks.
+    pub per: Option<Selection>,
     pub max: Option<f64>,
     pub min: Option<f64>,
     /// Line of the experiment file, for messages.
@@ -131,6 +135,9 @@ pub struct Experiment {
     pub claims: Vec<Claim>,
     /// Numbers beside the sweep.
     pub studies: Vec<Study>,
+    pub limits: LimitSettings,
+    pub slurm: SlurmSettings,
+    pub check: CheckSettings,
     /// In the order of the matrix, the last axis fastest; then the includes.
     pub candidates: Vec<Candidate>,
 }
@@ -306,6 +313,9 @@ impl<'f> Reader<'f> {
             thresholds,
             claims,
             studies,
+            limits: LimitSettings::resolve(file.limits.as_ref(), source)?,
+            slurm: SlurmSettings::resolve(file.slurm.as_ref(), source)?,
+            check: CheckSettings::resolve(file.check.as_ref(), source)?,
             candidates,
         })
     }
@@ -654,8 +664,18 @@ impl<'f> Reader<'f> {
             if !candidates.iter().any(|candidate| selection.matches(candidate)) {
                 return Err(source.error(threshold.selection.span(), "this threshold matches no run"));
             }
+            let per = match &threshold.per {
+                None => None,
+                Some(per) => {
+                    let per_selection = Selection::of_table(per.get_ref(), source, &known)?;
+                    if !candidates.iter().any(|candidate| per_selection.matches(candidate)) {
+                        return Err(source.error(per.span(), "`per` matches no run"));
+                    }
+                    Some(per_selection)
+                }
+            };
             let line = source.error(place, "").place.map_or(0, |(line, _)| line);
-            thresholds.push(Threshold { selection, metric, max, min, line });
+            thresholds.push(Threshold { selection, metric, per, max, min, line });
         }
         Ok(thresholds)
     }

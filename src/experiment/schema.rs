@@ -8,6 +8,7 @@ use super::definition::{
     Transition, TransitionFile, WindowFile, WordAxis,
 };
 use super::study::StudyFile;
+use super::settings::{CheckSettings, LimitSettings, SlurmSettings};
 use super::{Axis, Experiment};
 use crate::input::schema::{
     above, default, defined, described, document, either, flag, list, named, number, one_key, optional, required, some,
@@ -90,6 +91,10 @@ impl Experiment {
         let mut threshold = table([
             required("where", defined("axes")),
             required("metric", word(metrics().map(|metric| metric.name))),
+            optional(
+                "per",
+                described(defined("axes"), "as a ratio to the run of the same scene and lights that these pick"),
+            ),
             optional("max", number()),
             optional("min", number()),
         ]);
@@ -138,6 +143,9 @@ impl Experiment {
                     "numbers beside the sweep, in studies/NAME.csv, with their figures",
                 ),
             ),
+            optional("limits", described(LimitSettings::schema(), "what a run may take before it is ended")),
+            optional("slurm", described(SlurmSettings::schema(), "how --engine slurm hands the sweep to a cluster")),
+            optional("check", described(CheckSettings::schema(), "what rigbench check forgives")),
             optional("reference", described(reference, "bounds on the cost of sampled references")),
         ]);
         file["definitions"] = serde_json::json!({ "axes": axes() });

@@ -35,9 +35,14 @@ impl Selection {
     }
 
     pub fn matches(&self, candidate: &Candidate) -> bool {
-        self.wanted.iter().all(|(axis, words)| {
-            candidate.column(*axis).is_some_and(|text| words.iter().any(|word| means(word, text, *axis)))
-        })
+        self.matches_columns(|axis| candidate.column(axis))
+    }
+
+    /// As [`Selection::matches`], of a row of results.
+    pub fn matches_columns<'r>(&self, column: impl Fn(Axis) -> Option<&'r str>) -> bool {
+        self.wanted
+            .iter()
+            .all(|(axis, words)| column(*axis).is_some_and(|text| words.iter().any(|word| means(word, text, *axis))))
     }
 }
 

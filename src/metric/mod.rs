@@ -102,6 +102,44 @@ pub fn measure(scored: &Scored) -> Vec<(&'static str, Result<Score, Unmeasured>)
     METRICS.iter().map(|m| (m.key, (m.measure)(scored))).collect()
 }
 
+/// Standard errors of `rmse`, `nrmse` and `bias` that come from the noise of the reference, by the names of their columns; none where the
+/// reference is exact or a value could not be measured.
+///
+/// Points are independent, the channels of a point fully dependent. With e the difference and s the standard error, the variance of e^2 is
+/// 4 d^2 s^2 + 2 s^4, d^2 = max(0, e^2 - s^2); an error x = sqrt(m) has SE(x) = sqrt(x^2 + SE(m)) - x, which is SE(m) / 2x for large x and
+/// stays finite at 0. The scale RMS(reference) is noisy too: its relative error is added.
+pub fn standard_errors(scored: &Scored) -> Vec<(&'static str, f64)> {
+    let Some(error) = scored.standard_error else { return Vec::new() };
+    let value = |key: &str| Some((metric(key)?.measure)(scored).ok()?.value);
+    let count = (3 * scored.reference.len()) as f64;
+    let over_points = |of_channel: &dyn Fn(f64, f64, f64) -> f64| {
+        let squares = scored.reference.iter().zip(error).zip(scored.candidate).map(|((r, s), c)| {
+            let (r, s, c) = (r.to_array(), s.to_array(), c.to_array());
+            (0..3).map(|i| of_channel(r[i], s[i], c[i])).sum::<f64>().powi(2)
+        });
+        squares.sum::<f64>().sqrt()
+    };
+    let mut errors = Vec::new();
+    let mean_square = over_points(&|r, s, c| {
+        let (e2, s2) = ((c - r) * (c - r), s * s);
+        (4.0 * (e2 - s2).max(0.0) * s2 + 2.0 * s2 * s2).sqrt()
+    }) / count;
+    if let Some(rmse) = value("rmse") {
+        let of_rmse = (rmse * rmse + mean_square).sqrt() - rmse;
+        errors.push(("rmse_se", of_rmse));
+        let scale = rms(scored.reference);
+        if let Some(nrmse) = value("nrmse") {
+            let of_scale = over_points(&|r, s, _| (r * s).abs()) / (count * scale * scale);
+            errors.push(("nrmse_se", (of_rmse / scale).hypot(nrmse * of_scale)));
+        }
+    }
+    if let Some(bias) = value("bias") {
+        let total = channels(scored.reference).sum::<f64>().abs();
+        errors.push(("bias_se", over_points(&|_, s, _| s) * (1.0 + bias).abs() / total));
+    }
+    errors
+}
+
 /// RMS(reference), RMS of its standard error, and what makes a relative number impossible.
 pub(crate) struct Scale {
     pub rms: f64,

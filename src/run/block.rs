@@ -521,6 +521,9 @@ impl Film {
             candidate: &candidate,
         };
         let mut scores = Scores::default();
+        for (key, error) in metric::standard_errors(&scored) {
+            scores.values.insert(key.to_owned(), error);
+        }
         for (key, result) in metric::measure(&scored) {
             match result {
                 Ok(score) => {

@@ -11,7 +11,6 @@ pub mod results;
 mod store;
 pub mod study;
 mod sweep;
-pub mod thresholds;
 mod timing;
 
 pub use arrays::{ArrayCache, Arrays};

@@ -1,7 +1,7 @@
 //! results.csv and results.json: a row a run, in the order of the plan, the columns of [`COLUMNS`].
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value, json};
 
@@ -131,11 +131,14 @@ pub fn write(experiment: &Experiment, sweep: &Sweep, store: &Store) -> Result<()
     writer.write_record(COLUMNS.iter().map(|c| c.name)).expect(broken);
     let mut json_rows = Vec::new();
     for run in &sweep.runs {
-        for cells in rows(experiment, run) {
+        for (index, cells) in rows(experiment, run).into_iter().enumerate() {
             let text = |name: &str| cells.get(name).map_or("", String::as_str);
             writer.write_record(COLUMNS.iter().map(|c| text(c.name))).expect(broken);
-            let object: Map<String, Value> =
+            let mut object: Map<String, Value> =
                 cells.iter().map(|(name, text)| ((*name).to_owned(), value_of(name, text))).collect();
+            if let (0, Some(times), Some(on)) = (index, &run.times, &run.timed_on) {
+                object.insert("times".to_owned(), json!({ "on": on, "samples": times }));
+            }
             json_rows.push(Value::Object(object));
         }
     }
@@ -167,6 +170,8 @@ pub fn write(experiment: &Experiment, sweep: &Sweep, store: &Store) -> Result<()
             "threads": rayon::current_num_threads(),
             "command": command_of(experiment),
         },
+        "experiment_file": relative_path(&experiment.path, store.root()),
+        "changes": experiment.changes,
         "effects": effects,
         "claims": experiment.claims.iter().map(|c| json!({ "name": c.name, "says": c.says })).collect::<Vec<_>>(),
         "columns": COLUMNS.iter().map(|c| json!({ "name": c.name, "unit": c.unit, "description": c.description })).collect::<Vec<_>>(),
@@ -201,6 +206,14 @@ pub fn command(folder: &Path) -> String {
     let text = std::fs::read(folder.join("results.json")).unwrap_or_default();
     let document: Value = serde_json::from_slice(&text).unwrap_or_default();
     document["provenance"]["command"].as_str().unwrap_or_default().to_owned()
+}
+
+/// A path as seen from a folder, so that a project can be moved as a whole; the whole path where one of them is not there.
+fn relative_path(path: &Path, from: &Path) -> PathBuf {
+    let (Ok(path), Ok(from)) = (path.canonicalize(), from.canonicalize()) else { return path.to_owned() };
+    let shared = path.components().zip(from.components()).take_while(|(a, b)| a == b).count();
+    let up = from.components().skip(shared).map(|_| Path::new(".."));
+    up.chain(path.components().skip(shared).map(|c| Path::new(c.as_os_str()))).collect()
 }
 
 /// Numbers as numbers, words as words: names that look like numbers stay words.

@@ -56,6 +56,8 @@ pub struct Run {
     /// Whether it was there already.
     pub cached: bool,
     pub times: Option<Times>,
+    /// On what machine and adapter, and how, they were taken.
+    pub timed_on: Option<TimingIdentity>,
     pub adapter: Option<String>,
     /// Fronts of its scene x lights x backend x adapter on which it lies, by metric.
     pub fronts: Vec<&'static str>,
@@ -161,6 +163,7 @@ pub fn sweep(
             ending: record.and_then(findings_of).map_or(Ending::Open, |findings| Ending::Ok(Box::new(findings))),
             cached: false,
             times: None,
+            timed_on: None,
             adapter: None,
             fronts: Vec::new(),
             flip_hdr: None,
@@ -518,6 +521,7 @@ fn times(
     for run in runs.iter_mut().filter(|run| is_timed(run)) {
         let kept = store.timing(&run.identity.key(), &identity_of(run));
         run.times = kept.and_then(|times| serde_json::from_value(times).ok());
+        run.timed_on = run.times.is_some().then(|| identity_of(run));
     }
     let wanted: Vec<Vec<usize>> = blocks(runs)
         .into_iter()
@@ -557,6 +561,7 @@ fn times(
                 Ok(times) => {
                     let json = serde_json::to_value(&times).expect("times are plain JSON");
                     store.keep_timing(&runs[index].identity.key(), &identity_of(&runs[index]), &json)?;
+                    runs[index].timed_on = Some(identity_of(&runs[index]));
                     runs[index].times = Some(times);
                 }
                 Err(why) => progress.say(&format!("not timed: {}: {why}", runs[index].candidate.label())),

@@ -1,0 +1,15 @@
+//! Judging stored results: against thresholds and a baseline (`check`), and against other results (`compare`).
+
+mod baseline;
+mod check;
+mod compare;
+mod interval;
+mod say;
+mod stored;
+
+pub use baseline::{Accepted, Baseline, BaselineRow, accept};
+pub use check::{Check, Kind, Options, Verdict, check, thresholds};
+pub use compare::{Change, Comparison, Word, compare};
+pub use interval::{Estimate, z_limit};
+pub use say::{Format, TableFormat, changes, checks};
+pub use stored::{Place, Stored, StoredRow, StoredTimes};
