@@ -9,6 +9,7 @@ mod doctor;
 mod exit;
 mod figures;
 mod man;
+mod merge;
 mod metrics;
 mod plan;
 mod query;
@@ -16,6 +17,7 @@ mod report;
 mod run;
 mod schema;
 mod selection;
+mod worker;
 
 pub use exit::{Exit, Failure};
 pub use selection::{Selected, Selection};
@@ -56,6 +58,7 @@ verbs! {
     Run => run,
     Check => check,
     Compare => compare,
+    Merge => merge,
     Query => query,
     Report => report,
     Figures => figures,
@@ -64,6 +67,8 @@ verbs! {
     Schema => schema,
     Completions => completions,
     Man => man,
+    Worker => worker,
+    Task => worker,
 }
 
 /// The whole command line, for completions, the manual and tests.

@@ -131,6 +131,10 @@ impl Place {
 impl std::fmt::Display for Place {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         for (index, (name, text)) in self.0.iter().enumerate() {
+            // what nearly every row has
+            if matches!(text.as_str(), "exact" | "analytic" | "none" | "f32") {
+                continue;
+            }
             let space = if index > 0 { " " } else { "" };
             match name.as_str() {
                 // words that say themselves what they are

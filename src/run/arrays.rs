@@ -27,6 +27,7 @@ const MAGIC: &[u8; 8] = b"RIGARR1\n";
 #[derive(Clone, Debug)]
 pub struct ArrayCache {
     folder: PathBuf,
+    unread: bool,
 }
 
 #[derive(serde::Serialize, serde::Deserialize)]
@@ -38,7 +39,12 @@ struct Header {
 impl ArrayCache {
     /// Nothing is written before the first [`ArrayCache::store`].
     pub fn at(folder: &Path) -> Self {
-        Self { folder: folder.to_owned() }
+        Self { folder: folder.to_owned(), unread: false }
+    }
+
+    /// The same folder, of which nothing is read: all is computed again and kept.
+    pub fn unread(&self) -> Self {
+        Self { unread: true, ..self.clone() }
     }
 
     pub fn path(&self, key: &Key) -> PathBuf {
@@ -47,6 +53,9 @@ impl ArrayCache {
 
     /// What is kept under a key; none if it is not there or was damaged.
     pub fn load(&self, key: &Key) -> Option<Arrays> {
+        if self.unread {
+            return None;
+        }
         let bytes = std::fs::read(self.path(key)).ok()?;
         let arrays = decode(key, &bytes);
         if arrays.is_none() {

@@ -95,6 +95,9 @@ pub struct Findings {
     /// Vertices of all receivers.
     pub vertices: u64,
     pub effects: String,
+    /// The graphics adapter that computed it, where one did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub adapter: Option<String>,
     pub effects_why: Vec<String>,
     /// What was computed, by name: shadow rays, bounces, evaluations of wrap lobes...
     pub counters: BTreeMap<String, u64>,

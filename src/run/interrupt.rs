@@ -17,6 +17,16 @@ pub fn install() -> Result<(), ctrlc::Error> {
     })
 }
 
+/// In a process that does another's work: the one that gave it says when to end, over its pipe.
+pub fn leave_to_the_giver() -> Result<(), ctrlc::Error> {
+    ctrlc::set_handler(|| {})
+}
+
+/// Asks for an end, as Ctrl-C does.
+pub fn ask() {
+    INTERRUPTED.store(true, Ordering::SeqCst);
+}
+
 /// Whether the user asked for an end. Schedulers look before they start a run.
 pub fn interrupted() -> bool {
     INTERRUPTED.load(Ordering::SeqCst)

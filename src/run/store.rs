@@ -19,6 +19,7 @@ use crate::experiment::{Identity, Key, TimingIdentity};
 /// runs/RUN/status.json      ok, failed or skipped, and why
 /// runs/RUN/metrics.json     what it found, written once and last; a run without it is not finished
 /// runs/RUN/image.json       hash of images/RUN.exr, where one was kept
+/// runs/RUN/flip_hdr.json    HDR FLIP, where it was measured
 /// runs/RUN/timings/T.json   times by machine, adapter and driver
 /// images/RUN.exr
 /// ```
@@ -237,6 +238,11 @@ impl Store {
         Lock::take(&self.root.join(".lock"))
     }
 
+    /// The lock under which runs are brought in from elsewhere.
+    pub fn lock_merge(&self) -> Result<Lock, StoreError> {
+        Lock::take(&self.root.join(".merge-lock"))
+    }
+
     /// A finished run.
     pub fn record(&self, key: &Key) -> Option<Record> {
         match self.kept(key) {
@@ -405,6 +411,40 @@ impl Store {
         (timed.identity == *timing).then_some(timed.times)
     }
 
+    /// All times of a run, on whatever machine they were taken.
+    pub fn timings(&self, key: &Key) -> Vec<(TimingIdentity, Value)> {
+        let Ok(entries) = std::fs::read_dir(self.folder(key).join("timings")) else { return Vec::new() };
+        let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+        paths.sort();
+        let read = |path: &PathBuf| {
+            let mut content = read_sealed(path, key).there()?;
+            let identity = serde_json::from_value(content["identity"].take()).ok()?;
+            Some((identity, content["times"].take()))
+        };
+        paths.iter().filter_map(read).collect()
+    }
+
+    /// How a run ended, where it did: ok or not, and why.
+    pub fn ended(&self, key: &Key) -> Option<Result<Record, (bool, String)>> {
+        match self.kept(key) {
+            Kept::Ok(record) => Some(Ok(record)),
+            Kept::Failed(why) => Some(Err((true, why))),
+            Kept::Skipped(why) => Some(Err((false, why))),
+            Kept::Nothing | Kept::Unfinished | Kept::Damaged(_) => None,
+        }
+    }
+
+    /// Forgets how a run ended, so that whoever takes it next computes it. A run that someone is computing is left alone.
+    pub fn forget(&self, key: &Key) -> Result<(), StoreError> {
+        let folder = self.folder(key);
+        if !folder.exists() {
+            return Ok(());
+        }
+        let Some(_lock) = Lock::try_take(&folder.join(".lock"))? else { return Ok(()) };
+        disk::remove(&folder.join("metrics.json"))?;
+        disk::remove(&folder.join("status.json"))
+    }
+
     /// Keeps the times of a run.
     pub fn keep_timing(&self, key: &Key, timing: &TimingIdentity, times: &Value) -> Result<(), StoreError> {
         let content = serde_json::json!({ "identity": timing, "times": times });
@@ -426,6 +466,15 @@ impl Store {
     pub fn has_image(&self, key: &Key) -> bool {
         let Read::There(hash) = read_sealed(&self.folder(key).join("image.json"), key) else { return false };
         std::fs::read(self.image(key)).is_ok_and(|bytes| hash == Key::of_bytes(&bytes).hex())
+    }
+
+    /// HDR FLIP of a run, where it was measured.
+    pub fn flip_hdr(&self, key: &Key) -> Option<f64> {
+        read_sealed(&self.folder(key).join("flip_hdr.json"), key).there()?.as_f64()
+    }
+
+    pub fn keep_flip_hdr(&self, key: &Key, value: f64) -> Result<(), StoreError> {
+        write_atomic(&self.folder(key).join("flip_hdr.json"), &pretty(&Sealed::new(*key, Value::from(value))))
     }
 
     /// Removes a run's image.

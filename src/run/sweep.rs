@@ -1,16 +1,20 @@
 //! A sweep in two phases: pictures and numbers first, each run isolated; then times, alone.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 use serde_json::json;
 
 use super::bakery::Bakery;
 use super::block::{Block, BlockRequest, Film, Findings, Sampling};
+use super::crew::{Crew, CrewOptions};
 use super::progress::Progress;
+use super::slurm::SlurmOptions;
 use super::timing::{Times, time_block};
-use super::{ArrayCache, Claim, Record, Store, StoreError, interrupt};
+use super::{ArrayCache, Claim, Reason, Record, Store, StoreError, interrupt};
 use crate::candidate::{Arithmetic, GpuBench, Probes, Recipe};
 use crate::cost::pareto::front;
 use crate::cost::processor_name;
@@ -27,7 +31,7 @@ use crate::sh::Window;
 use crate::trace::{Effects, Effort, SceneFacts, TracedGeometry, Tracer, Transport};
 
 /// How a sweep is run.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct SweepOptions {
     /// Compute what is there already.
     pub force: bool,
@@ -35,6 +39,44 @@ pub struct SweepOptions {
     pub fail_fast: bool,
     /// A missing GPU ends the sweep instead of skipping its rows.
     pub gpu_demanded: bool,
+    pub engine: Engine,
+    /// Compute these alone; the others stay as they are.
+    pub only: Option<Only>,
+    /// Compute and time nothing: gather what is there.
+    pub gather: bool,
+}
+
+/// Where runs are computed.
+#[derive(Clone, Debug, Default)]
+pub enum Engine {
+    /// In this process.
+    #[default]
+    Here,
+    /// In child processes with limits.
+    Crew(CrewOptions),
+    /// On a Slurm cluster.
+    Slurm(SlurmOptions),
+}
+
+/// Runs by how they stand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Only {
+    Failed,
+    /// Never run, or not to their end, or skipped.
+    Missing,
+    /// Computed by another configuration, scene or code; or damaged.
+    Stale,
+}
+
+impl Only {
+    fn takes(self, reason: &Reason) -> bool {
+        match reason {
+            Reason::Cached | Reason::Forced => false,
+            Reason::FailedBefore(_) => self == Only::Failed,
+            Reason::New | Reason::Unfinished | Reason::SkippedBefore(_) => self == Only::Missing,
+            Reason::Changed(_) | Reason::Damaged(_) => self == Only::Stale,
+        }
+    }
 }
 
 /// How a run ended.
@@ -53,6 +95,8 @@ pub struct Run {
     pub candidate: Candidate,
     pub identity: Identity,
     pub ending: Ending,
+    /// Whether it is to be computed.
+    pub wanted: bool,
     /// Whether it was there already.
     pub cached: bool,
     pub times: Option<Times>,
@@ -98,7 +142,32 @@ pub enum SweepError {
     Store(#[from] StoreError),
     #[error("{0}")]
     NoGpu(String),
+    /// A worker or the cluster could not do what it was told.
+    #[error("{0}")]
+    Engine(String),
 }
+
+/// What every phase needs.
+pub(super) struct Workshop<'a> {
+    pub experiment: &'a Experiment,
+    pub store: &'a Store,
+    pub cache: &'a ArrayCache,
+    pub bakery: &'a Bakery,
+    pub bench: Option<&'a GpuBench>,
+    /// Why there is no GPU where one is wanted.
+    pub no_gpu: Option<String>,
+    pub driver: Option<String>,
+    pub force: bool,
+}
+
+/// What is told of a run while a block is computed.
+pub(super) enum Step<'e> {
+    Begins,
+    Ended(&'e Ending),
+}
+
+/// Hears of every step, from any thread.
+pub(super) type Tell<'t> = &'t (dyn Fn(usize, Step) + Sync);
 
 /// What makes the numbers of a candidate.
 pub fn recipe_of(candidate: &Candidate, seed: u64) -> Recipe {
@@ -146,50 +215,73 @@ fn blocks(runs: &[Run]) -> Vec<Vec<usize>> {
     blocks
 }
 
+/// A run before anything is known of it.
+pub(super) fn run_of(candidate: Candidate, identity: Identity) -> Run {
+    Run {
+        candidate,
+        identity,
+        ending: Ending::Open,
+        wanted: true,
+        cached: false,
+        times: None,
+        timed_on: None,
+        adapter: None,
+        fronts: Vec::new(),
+        flip_hdr: None,
+    }
+}
+
 /// Runs a sweep of `candidates`; what the store holds already is not computed again.
 pub fn sweep(
     experiment: &Experiment,
     candidates: Vec<Candidate>,
     store: &Store,
-    options: SweepOptions,
+    options: &SweepOptions,
 ) -> Result<Sweep, SweepError> {
     let identities: Vec<Identity> = candidates.par_iter().map(Candidate::identity).collect();
     let surveyed = store.survey_with_records(&identities, options.force);
-    let mut runs: Vec<Run> = candidates
-        .into_iter()
-        .zip(identities)
-        .zip(surveyed)
-        .map(|((candidate, identity), (_, record))| Run {
-            ending: record.and_then(findings_of).map_or(Ending::Open, |findings| Ending::Ok(Box::new(findings))),
-            cached: false,
-            times: None,
-            timed_on: None,
-            adapter: None,
-            fronts: Vec::new(),
-            flip_hdr: None,
-            candidate,
-            identity,
-        })
-        .collect();
+    let mut runs: Vec<Run> = Vec::with_capacity(candidates.len());
+    for ((candidate, identity), (reason, record)) in candidates.into_iter().zip(identities).zip(surveyed) {
+        let mut run = run_of(candidate, identity);
+        if let Some(findings) = record.and_then(findings_of) {
+            (run.ending, run.cached, run.wanted) = (Ending::Ok(Box::new(findings)), true, false);
+        } else if options.gather || options.only.is_some_and(|only| !only.takes(&reason)) {
+            run.wanted = false;
+            run.ending = match reason {
+                Reason::FailedBefore(why) => Ending::Failed(why),
+                Reason::SkippedBefore(why) => Ending::Skipped(why),
+                _ => Ending::Open,
+            };
+        }
+        runs.push(run);
+    }
 
-    let opened = open_gpu(&runs, options)?;
-    let bench = opened.as_ref().and_then(|o| o.as_ref().ok()).cloned();
+    let elsewhere = options.gather || matches!(options.engine, Engine::Slurm(_));
+    let opened = if elsewhere { None } else { open_gpu(&runs, options)? };
+    let bench = opened.as_ref().and_then(|o| o.as_ref().ok());
     let adapter = opened.as_ref().map(|o| match o {
         Ok(bench) => Ok(bench.gpu.adapter().label()),
         Err(why) => Err(why.clone()),
     });
-    let driver = bench.as_ref().map(|b| b.gpu.adapter().driver.clone());
-    if let Some(Ok(label)) = &adapter {
-        for run in runs.iter_mut().filter(|run| run.candidate.backend == Backend::Gpu) {
-            run.adapter = Some(label.clone());
-        }
+    let driver = bench.map(|b| b.gpu.adapter().driver.clone());
+    for run in runs.iter_mut().filter(|run| run.candidate.backend == Backend::Gpu) {
+        run.adapter = match &adapter {
+            Some(label) => label.clone().ok(),
+            None => run.findings().and_then(|findings| findings.adapter.clone()),
+        };
     }
     let cache = ArrayCache::at(&experiment.cache_folder());
-    let bench = bench.as_ref();
+    let no_gpu = adapter.as_ref().and_then(|a| a.as_ref().err().cloned());
     let bakery = Bakery::default();
-    let mut interrupted = numbers(experiment, &mut runs, store, &cache, &bakery, bench, &adapter, options)?;
+    let work =
+        Workshop { experiment, store, cache: &cache, bakery: &bakery, bench, no_gpu, driver, force: options.force };
+    let mut crew = match &options.engine {
+        Engine::Crew(crew) => Some(Crew::new(crew)),
+        _ => None,
+    };
+    let mut interrupted = numbers(&work, &mut runs, options, crew.as_mut())?;
     if !interrupted {
-        interrupted = times(experiment, &mut runs, store, &cache, &bakery, bench, &driver)?;
+        interrupted = times(&work, &mut runs, options, crew.as_mut(), elsewhere)?;
     }
     fronts(&mut runs);
     let finished: Vec<(Key, Record)> = runs
@@ -203,13 +295,14 @@ pub fn sweep(
         store.write_index(&finished)?;
     }
     if !interrupted {
-        interrupted = images(experiment, &mut runs, store, &cache, &bakery, bench)?;
+        interrupted = images(&work, &mut runs, options, crew.as_mut())?;
     }
+    let driver = work.driver.clone();
     Ok(Sweep { runs, interrupted, adapter, driver })
 }
 
 /// The GPU, where a run wants one: opened, or why not.
-fn open_gpu(runs: &[Run], options: SweepOptions) -> Result<Option<Result<GpuBench, String>>, SweepError> {
+fn open_gpu(runs: &[Run], options: &SweepOptions) -> Result<Option<Result<GpuBench, String>>, SweepError> {
     if !runs.iter().any(|run| run.candidate.backend == Backend::Gpu) {
         return Ok(None);
     }
@@ -228,82 +321,128 @@ fn open_gpu(runs: &[Run], options: SweepOptions) -> Result<Option<Result<GpuBenc
 
 /// The first phase. True where it was interrupted.
 fn numbers(
-    experiment: &Experiment,
+    work: &Workshop,
     runs: &mut [Run],
-    store: &Store,
-    cache: &ArrayCache,
-    bakery: &Bakery,
-    bench: Option<&GpuBench>,
-    adapter: &Option<Result<String, String>>,
-    options: SweepOptions,
+    options: &SweepOptions,
+    mut crew: Option<&mut Crew>,
 ) -> Result<bool, SweepError> {
-    for run in runs.iter_mut() {
-        run.cached = run.findings().is_some();
-    }
     let wanted: Vec<Vec<usize>> = blocks(runs)
         .into_iter()
-        .map(|block| block.into_iter().filter(|i| !runs[*i].cached).collect::<Vec<_>>())
+        .map(|block| block.into_iter().filter(|i| runs[*i].wanted).collect::<Vec<_>>())
         .filter(|block| !block.is_empty())
         .collect();
-    let mut progress = Progress::new("rendering", wanted.iter().map(|b| b.len() as u64).sum());
-    for block in wanted {
+    let progress = Mutex::new(Progress::new("rendering", wanted.iter().map(|b| b.len() as u64).sum()));
+    let failed = AtomicBool::new(false);
+    for block in batches(&options.engine, wanted) {
         if interrupt::interrupted() {
             return Ok(true);
         }
-        let no_gpu = adapter.as_ref().and_then(|a| a.as_ref().err());
-        let (skipped, todo): (Vec<usize>, Vec<usize>) =
-            block.into_iter().partition(|i| runs[*i].candidate.backend == Backend::Gpu && no_gpu.is_some());
-        for index in skipped {
-            let why = no_gpu.expect("partitioned by it").clone();
-            if let Claim::Mine(writer) = store.claim(&runs[index].identity, options.force, true)? {
-                writer.skip(&why)?;
+        let told: &[Run] = runs;
+        let tell = |index: usize, step: Step| {
+            let Step::Ended(ending) = step else { return };
+            let mut progress = progress.lock().expect("nothing panics while it tells");
+            let label = told[index].candidate.label();
+            if let Ending::Failed(why) = ending {
+                let log = work.store.folder(&told[index].identity.key()).join("log.txt");
+                progress.say(&format!("failed: {label}: {why} (log: {})", log.display()));
+                failed.store(true, Ordering::SeqCst);
             }
-            runs[index].ending = Ending::Skipped(why);
-            progress.step("skipped: no GPU");
-        }
-        if todo.is_empty() {
-            continue;
-        }
-        let first = &runs[todo[0]].candidate;
-        let orders = orders_of(todo.iter().map(|i| &runs[*i].candidate));
-        let picture = (first.lights.instance.index.is_none() && experiment.image.keep != Keep::None)
-            .then_some((experiment.image.width as usize, experiment.image.height as usize));
-        let stage = Stage::new(experiment, first);
-        let film = stage.film(experiment, first, orders, picture, true, cache);
-        // the CPU's candidates beside one another, the GPU's one after the other
-        let (on_gpu, on_cpu): (Vec<usize>, Vec<usize>) =
-            todo.into_iter().partition(|i| runs[*i].candidate.backend == Backend::Gpu);
-        // volumes first, one after the other: each bake takes all threads
-        let recipes: HashMap<usize, Result<Recipe, String>> = on_cpu
-            .iter()
-            .chain(&on_gpu)
-            .map(|index| (*index, stage.recipe(experiment, &runs[*index].candidate, &film, bakery)))
-            .collect();
-        let judge = |index: usize| -> Result<Ending, StoreError> {
-            compute(&runs[index], &recipes[&index], &stage, &film, store, bench, options.force)
-        };
-        let mut endings: Vec<(usize, Result<Ending, StoreError>)> =
-            on_cpu.into_par_iter().map(|index| (index, judge(index))).collect();
-        endings.extend(on_gpu.into_iter().map(|index| (index, judge(index))));
-        endings.sort_by_key(|(index, _)| *index);
-        for (index, ending) in endings {
-            let ending = ending?;
-            let label = runs[index].candidate.label();
-            if let Ending::Failed(why) = &ending {
-                progress.say(&format!(
-                    "failed: {label}: {why} (log: {})",
-                    store.folder(&runs[index].identity.key()).join("log.txt").display()
-                ));
-            }
-            let failed = matches!(ending, Ending::Failed(_));
-            runs[index].ending = ending;
             progress.step(&label);
-            if failed && options.fail_fast {
-                return Ok(false);
+        };
+        let stop = || interrupt::interrupted() || (options.fail_fast && failed.load(Ordering::SeqCst));
+        let endings = match (&options.engine, crew.as_deref_mut()) {
+            (Engine::Slurm(slurm), _) => slurm.render(work, told, &block, &tell)?,
+            (_, Some(crew)) => crew.render(work, told, &block, &tell, &stop)?,
+            (_, None) => render(work, told, &block, &tell)?,
+        };
+        for (index, ending) in endings {
+            if let (Ending::Ok(findings), None) = (&ending, &runs[index].adapter) {
+                runs[index].adapter = findings.adapter.clone();
             }
+            runs[index].ending = ending;
+        }
+        if options.fail_fast && failed.load(Ordering::SeqCst) {
+            return Ok(false);
         }
     }
-    Ok(false)
+    Ok(interrupt::interrupted() && runs.iter().any(|run| run.wanted && matches!(run.ending, Ending::Open)))
+}
+
+/// What is handed over at once: a cluster gets all of it.
+fn batches(engine: &Engine, blocks: Vec<Vec<usize>>) -> Vec<Vec<usize>> {
+    match engine {
+        Engine::Slurm(_) if !blocks.is_empty() => vec![blocks.concat()],
+        _ => blocks,
+    }
+}
+
+/// What the runs of a block share.
+fn film_of(work: &Workshop, stage: &Stage, runs: &[Run], block: &[usize]) -> Film {
+    let first = &runs[block[0]].candidate;
+    let image = work.experiment.image;
+    let orders = orders_of(block.iter().map(|i| &runs[*i].candidate));
+    let picture = (first.lights.instance.index.is_none() && image.keep != Keep::None)
+        .then_some((image.width as usize, image.height as usize));
+    let cache = if work.force { work.cache.unread() } else { work.cache.clone() };
+    stage.film(work.experiment, first, orders, picture, true, &cache)
+}
+
+/// Computes what the runs of a block share, and keeps it.
+pub(super) fn reference(work: &Workshop, runs: &[Run], block: &[usize]) {
+    let stage = Stage::new(work.experiment, &runs[block[0]].candidate);
+    film_of(work, &stage, runs, block);
+}
+
+/// Computes the runs of a block in this process.
+pub(super) fn render(
+    work: &Workshop,
+    runs: &[Run],
+    block: &[usize],
+    tell: Tell,
+) -> Result<Vec<(usize, Ending)>, StoreError> {
+    let (skipped, todo): (Vec<usize>, Vec<usize>) =
+        block.iter().partition(|i| runs[**i].candidate.backend == Backend::Gpu && work.no_gpu.is_some());
+    let mut endings: Vec<(usize, Ending)> = Vec::with_capacity(block.len());
+    for index in skipped {
+        let why = work.no_gpu.clone().expect("partitioned by it");
+        if let Claim::Mine(writer) = work.store.claim(&runs[index].identity, work.force, true)? {
+            writer.skip(&why)?;
+        }
+        let ending = Ending::Skipped(why);
+        tell(index, Step::Ended(&ending));
+        endings.push((index, ending));
+    }
+    if todo.is_empty() {
+        return Ok(endings);
+    }
+    let stage = Stage::new(work.experiment, &runs[todo[0]].candidate);
+    let film = film_of(work, &stage, runs, &todo);
+    // the CPU's candidates beside one another, the GPU's one after the other
+    let (on_gpu, on_cpu): (Vec<usize>, Vec<usize>) =
+        todo.into_iter().partition(|i| runs[*i].candidate.backend == Backend::Gpu);
+    // volumes first, one after the other: each bake takes all threads
+    let recipes: HashMap<usize, Result<Recipe, String>> = on_cpu
+        .iter()
+        .chain(&on_gpu)
+        .map(|index| {
+            if runs[*index].candidate.rig().is_none() && runs[*index].candidate.order.is_some() {
+                tell(*index, Step::Begins);
+            }
+            (*index, stage.recipe(work.experiment, &runs[*index].candidate, &film, work.bakery))
+        })
+        .collect();
+    let judge = |index: usize| -> Result<(usize, Ending), StoreError> {
+        if interrupt::interrupted() {
+            return Ok((index, Ending::Open));
+        }
+        tell(index, Step::Begins);
+        let ending = compute(&runs[index], &recipes[&index], &stage, &film, work.store, work.bench, work.force)?;
+        tell(index, Step::Ended(&ending));
+        Ok((index, ending))
+    };
+    endings.extend(on_cpu.into_par_iter().map(judge).collect::<Result<Vec<_>, _>>()?);
+    endings.extend(on_gpu.into_iter().map(judge).collect::<Result<Vec<_>, _>>()?);
+    Ok(endings)
 }
 
 /// What a record holds; none where another version of the program wrote it.
@@ -469,6 +608,8 @@ fn judge(
         .map_err(|error| error.to_string())?;
     let mut findings = film.judge(recipe, &cast, stage.tracer.triangles()).map_err(|error| error.to_string())?;
     findings.effects = stage.effects.to_string();
+    let on_gpu = bench.filter(|_| run.candidate.backend == Backend::Gpu);
+    findings.adapter = on_gpu.map(|bench| bench.gpu.adapter().label());
     findings.effects_why = stage.why.clone();
     let counters = film.counters() + findings.counts.rays;
     for (name, count) in [
@@ -493,82 +634,171 @@ fn judge(
     Ok(findings)
 }
 
-/// The second phase. True where it was interrupted.
-fn times(
-    experiment: &Experiment,
-    runs: &mut [Run],
-    store: &Store,
-    cache: &ArrayCache,
-    bakery: &Bakery,
-    bench: Option<&GpuBench>,
-    driver: &Option<String>,
-) -> Result<bool, SweepError> {
-    let machine = processor_name();
-    let identity_of = |run: &Run| TimingIdentity {
-        machine: machine.clone(),
-        adapter: run.adapter.clone(),
-        driver: run.adapter.as_ref().and(driver.clone()),
-        warmup: experiment.timing.warmup,
-        repeat: experiment.timing.repeat,
+/// On what and how this process times a run.
+fn timing_identity(work: &Workshop, run: &Run) -> TimingIdentity {
+    let adapter = work.bench.filter(|_| run.candidate.backend == Backend::Gpu).map(|b| b.gpu.adapter().label());
+    TimingIdentity {
+        machine: processor_name(),
+        driver: adapter.as_ref().and(work.driver.clone()),
+        adapter,
+        warmup: work.experiment.timing.warmup,
+        repeat: work.experiment.timing.repeat,
         algorithms: ALGORITHMS.timing,
-    };
+    }
+}
+
+/// The second phase. `elsewhere`: times of any machine count, those of one machine for a whole block. True where it was interrupted.
+fn times(
+    work: &Workshop,
+    runs: &mut [Run],
+    options: &SweepOptions,
+    mut crew: Option<&mut Crew>,
+    elsewhere: bool,
+) -> Result<bool, SweepError> {
+    let experiment = work.experiment;
     // random layouts are there for rates of quality; what they cost, layouts of as many lights show
     let is_timed = |run: &Run| {
         run.findings().is_some()
             && run.candidate.lights.instance.index.is_none()
             && experiment.timed.as_ref().is_none_or(|only| only.matches(&run.candidate))
     };
-    for run in runs.iter_mut().filter(|run| is_timed(run)) {
-        let kept = store.timing(&run.identity.key(), &identity_of(run));
-        run.times = kept.and_then(|times| serde_json::from_value(times).ok());
-        run.timed_on = run.times.is_some().then(|| identity_of(run));
-    }
-    let wanted: Vec<Vec<usize>> = blocks(runs)
+    let timed_blocks: Vec<Vec<usize>> = blocks(runs)
         .into_iter()
-        // a block is timed whole, so that its candidates stand in one shuffle
         .map(|block| block.into_iter().filter(|i| is_timed(&runs[*i])).collect::<Vec<_>>())
-        .filter(|block| block.iter().any(|i| runs[*i].times.is_none()))
+        .filter(|block| !block.is_empty())
+        .collect();
+    let own = [Backend::Cpu, Backend::Gpu]
+        .map(|backend| runs.iter().find(|run| run.candidate.backend == backend).map(|run| timing_identity(work, run)));
+    let read = |runs: &mut [Run], block: &[usize]| {
+        for index in block {
+            let run = &mut runs[*index];
+            let on = match elsewhere {
+                false => own[usize::from(run.candidate.backend == Backend::Gpu)].clone(),
+                true => None,
+            };
+            if let Some(on) = on {
+                let kept = work.store.timing(&run.identity.key(), &on);
+                run.times = kept.and_then(|times| serde_json::from_value(times).ok());
+                run.timed_on = run.times.is_some().then_some(on);
+            }
+        }
+        if elsewhere {
+            read_of_any_machine(work, runs, block);
+        }
+    };
+    for block in &timed_blocks {
+        read(runs, block);
+    }
+    // a block is timed whole, so that its candidates stand in one shuffle
+    let wanted: Vec<Vec<usize>> = timed_blocks
+        .into_iter()
+        .filter(|block| !options.gather && block.iter().any(|i| runs[*i].times.is_none()))
         .collect();
     let rounds = (experiment.timing.warmup + experiment.timing.repeat) as usize;
     let mut progress = Progress::new("timing", wanted.iter().map(|b| (b.len() * rounds) as u64).sum());
+    if let Engine::Slurm(slurm) = &options.engine {
+        slurm.time(work, runs, &wanted)?;
+        for block in &wanted {
+            read(runs, block);
+            for index in block.iter().filter(|i| runs[**i].times.is_none()) {
+                progress.say(&format!("not timed: {}", runs[*index].candidate.label()));
+            }
+        }
+        return Ok(interrupt::interrupted());
+    }
     for block in wanted {
+        if interrupt::interrupted() {
+            return Ok(true);
+        }
         let first = &runs[block[0]].candidate;
-        let stage = Stage::new(experiment, first);
-        let film = stage.film(experiment, first, Vec::new(), None, false, cache);
-        let frame = &film.frames[first.freeze_frame().unwrap_or(picture_frame(experiment, film.frames.len()))];
-        let transport = stage.is_sampled().then(|| stage.transport(&frame.lights));
-        let recipe = |i: &usize| stage.recipe(experiment, &runs[*i].candidate, &film, bakery);
-        let stocked: Vec<Result<Recipe, String>> = block.iter().map(recipe).collect();
-        for (index, why) in block.iter().zip(&stocked).filter_map(|(i, recipe)| Some((*i, recipe.as_ref().err()?))) {
+        let label = format!("{} {}", first.scene.name, first.lights.name());
+        let failures = match crew.as_deref_mut() {
+            Some(crew) => crew.time(work, runs, &block, &mut || progress.step(&label))?,
+            None => time(work, runs, &block, &mut || progress.step(&label))?,
+        };
+        let Some(failures) = failures else { return Ok(true) };
+        for (index, why) in failures {
             progress.say(&format!("not timed: {}: {why}", runs[index].candidate.label()));
         }
-        let block: Vec<usize> = block.iter().zip(&stocked).filter(|(_, r)| r.is_ok()).map(|(i, _)| *i).collect();
-        let recipes: Vec<Recipe> = stocked.into_iter().flatten().collect();
-        let label = format!("{} {}", first.scene.name, first.lights.name());
-        let timed = time_block(
-            frame,
-            &recipes,
-            experiment.timing,
-            transport.as_ref(),
-            bench,
-            experiment.seed,
-            &interrupt::interrupted,
-            &mut || progress.step(&label),
-        );
-        let Some(timed) = timed else { return Ok(true) };
-        for (index, times) in block.into_iter().zip(timed) {
-            match times {
-                Ok(times) => {
-                    let json = serde_json::to_value(&times).expect("times are plain JSON");
-                    store.keep_timing(&runs[index].identity.key(), &identity_of(&runs[index]), &json)?;
-                    runs[index].timed_on = Some(identity_of(&runs[index]));
-                    runs[index].times = Some(times);
-                }
-                Err(why) => progress.say(&format!("not timed: {}: {why}", runs[index].candidate.label())),
+        read(runs, &block);
+    }
+    Ok(false)
+}
+
+/// The times of a block on the machine on which most of it was timed.
+fn read_of_any_machine(work: &Workshop, runs: &mut [Run], block: &[usize]) {
+    let timing = work.experiment.timing;
+    for backend in [Backend::Cpu, Backend::Gpu] {
+        let members: Vec<usize> = block.iter().copied().filter(|i| runs[*i].candidate.backend == backend).collect();
+        let kept: Vec<(usize, Vec<(TimingIdentity, serde_json::Value)>)> =
+            members.iter().map(|i| (*i, work.store.timings(&runs[*i].identity.key()))).collect();
+        let mut machines: BTreeMap<String, (usize, TimingIdentity)> = BTreeMap::new();
+        let fits = |on: &TimingIdentity| {
+            (on.warmup, on.repeat, on.algorithms) == (timing.warmup, timing.repeat, ALGORITHMS.timing)
+        };
+        for (on, _) in kept.iter().flat_map(|(_, all)| all).filter(|(on, _)| fits(on)) {
+            machines.entry(on.key().hex()).or_insert_with(|| (0, on.clone())).0 += 1;
+        }
+        let most = machines.values().map(|(count, _)| *count).max();
+        let Some((_, chosen)) = machines.into_values().find(|(count, _)| Some(*count) == most) else { continue };
+        for (index, all) in kept {
+            let found = all.into_iter().find(|(on, _)| *on == chosen);
+            let run = &mut runs[index];
+            run.times = found.and_then(|(_, times)| serde_json::from_value(times).ok());
+            run.timed_on = run.times.is_some().then(|| chosen.clone());
+            if run.times.is_some() && backend == Backend::Gpu {
+                run.adapter = chosen.adapter.clone();
             }
         }
     }
-    Ok(false)
+}
+
+/// What could not be timed in a block, and why; nothing where the timing was interrupted.
+pub(super) type NotTimed = Option<Vec<(usize, String)>>;
+
+/// Times the runs of a block in this process and keeps the times.
+pub(super) fn time(
+    work: &Workshop,
+    runs: &[Run],
+    block: &[usize],
+    step: &mut dyn FnMut(),
+) -> Result<NotTimed, StoreError> {
+    let experiment = work.experiment;
+    let first = &runs[block[0]].candidate;
+    let stage = Stage::new(experiment, first);
+    let film = stage.film(experiment, first, Vec::new(), None, false, work.cache);
+    let frame = &film.frames[first.freeze_frame().unwrap_or(picture_frame(experiment, film.frames.len()))];
+    let transport = stage.is_sampled().then(|| stage.transport(&frame.lights));
+    let recipe = |i: &usize| stage.recipe(experiment, &runs[*i].candidate, &film, work.bakery);
+    let stocked: Vec<Result<Recipe, String>> = block.iter().map(recipe).collect();
+    let mut failures: Vec<(usize, String)> = block
+        .iter()
+        .zip(&stocked)
+        .filter_map(|(index, recipe)| Some((*index, recipe.as_ref().err()?.clone())))
+        .collect();
+    let block: Vec<usize> = block.iter().zip(&stocked).filter(|(_, r)| r.is_ok()).map(|(i, _)| *i).collect();
+    let recipes: Vec<Recipe> = stocked.into_iter().flatten().collect();
+    let timed = time_block(
+        frame,
+        &recipes,
+        experiment.timing,
+        transport.as_ref(),
+        work.bench,
+        experiment.seed,
+        &interrupt::interrupted,
+        step,
+    );
+    let Some(timed) = timed else { return Ok(None) };
+    for (index, times) in block.iter().zip(timed) {
+        match times {
+            Ok(times) => {
+                let json = serde_json::to_value(&times).expect("times are plain JSON");
+                work.store.keep_timing(&runs[*index].identity.key(), &timing_identity(work, &runs[*index]), &json)?;
+            }
+            Err(why) => failures.push((*index, why.to_string())),
+        }
+    }
+    Ok(Some(failures))
 }
 
 /// Marks the Pareto fronts of each scene x lights x backend x adapter: error against frame time at a million points.
@@ -602,13 +832,12 @@ fn fronts(runs: &mut [Run]) {
 
 /// Keeps the images that the experiment asks for, drops the others, and measures HDR FLIP on the fronts. True where interrupted.
 fn images(
-    experiment: &Experiment,
+    work: &Workshop,
     runs: &mut [Run],
-    store: &Store,
-    cache: &ArrayCache,
-    bakery: &Bakery,
-    bench: Option<&GpuBench>,
+    options: &SweepOptions,
+    mut crew: Option<&mut Crew>,
 ) -> Result<bool, SweepError> {
+    let (experiment, store) = (work.experiment, work.store);
     let mut one_of_each_rig: std::collections::HashSet<String> = Default::default();
     let mut keep: Vec<bool> = vec![false; runs.len()];
     for (index, run) in runs.iter().enumerate() {
@@ -622,84 +851,88 @@ fn images(
             };
     }
     for (index, run) in runs.iter().enumerate() {
-        if !keep[index] && store.image(&run.identity.key()).exists() {
+        if !keep[index] && !options.gather && store.image(&run.identity.key()).exists() {
             store.drop_image(&run.identity.key())?;
         }
     }
-    let hdr_key = |run: &Run| Key::of(&json!({ "flip_hdr": run.identity.key().hex() }));
     for run in runs.iter_mut().filter(|run| !run.fronts.is_empty()) {
-        let kept = cache.load(&hdr_key(run));
-        run.flip_hdr = kept.and_then(|arrays| arrays.get("flip_hdr").and_then(|values| values.first().copied()));
+        run.flip_hdr = store.flip_hdr(&run.identity.key());
     }
     let is_done = |run: &Run| store.has_image(&run.identity.key()) && (run.fronts.is_empty() || run.flip_hdr.is_some());
     let wanted: Vec<Vec<usize>> = blocks(runs)
         .into_iter()
         .map(|block| block.into_iter().filter(|i| keep[*i] && !is_done(&runs[*i])).collect::<Vec<_>>())
-        .filter(|block| !block.is_empty())
+        .filter(|block| !block.is_empty() && !options.gather)
         .collect();
     let mut progress = Progress::new("images", wanted.iter().map(|b| b.len() as u64).sum());
-    let size = (experiment.image.width as usize, experiment.image.height as usize);
-    for block in wanted {
+    for block in batches(&options.engine, wanted) {
         if interrupt::interrupted() {
             return Ok(true);
         }
-        let first = &runs[block[0]].candidate;
-        let stage = Stage::new(experiment, first);
-        let orders = Vec::new();
-        let film = stage.film(experiment, first, orders, Some(size), true, cache);
-        let frame = picture_frame(experiment, film.frames.len());
-        let Some(view) = &film.frames[frame].view else { continue };
-        let reference = view.picture(&view.reference);
-        let transports = stage.transports(&film);
-        let recipes: HashMap<usize, Result<Recipe, String>> = block
-            .iter()
-            .map(|index| (*index, stage.recipe(experiment, &runs[*index].candidate, &film, bakery)))
-            .collect();
-        let done: Vec<(usize, Result<Option<f64>, String>)> = block
-            .into_par_iter()
-            .map(|index| {
-                let run = &runs[index];
-                let recipe = recipes[&index].clone();
-                let picture = || -> Result<Option<f64>, String> {
-                    let recipe = recipe?;
-                    let cast = film
-                        .cast(&recipe, run.candidate.freeze_frame(), &transports, bench)
-                        .map_err(|error| error.to_string())?;
-                    let irradiance: Vec<Rgb<f64>> =
-                        view.irradiance(cast.frame(frame)).map_err(|error| error.to_string())?;
-                    let key = run.identity.key();
-                    let image = LayeredImage::of_run(
-                        &view.layer(&irradiance),
-                        &view.layer(&view.reference),
-                        Some(&view.albedo()),
-                        &key.run(),
-                        &serde_json::to_string(&run.identity.configuration).expect("a configuration is plain JSON"),
-                    );
-                    let bytes = image.to_bytes().map_err(|error| error.to_string())?;
-                    store.keep_image(&key, &bytes).map_err(|error| error.to_string())?;
-                    if run.fronts.is_empty() {
-                        return Ok(None);
-                    }
-                    Ok(flip_hdr(&reference, &view.picture(&irradiance)).ok().map(|map| map.mean()))
-                };
-                (index, picture())
-            })
-            .collect();
-        for (index, result) in done {
+        let failures = match (&options.engine, crew.as_deref_mut()) {
+            (Engine::Slurm(slurm), _) => slurm.picture(work, runs, &block)?,
+            (_, Some(crew)) => crew.picture(work, runs, &block)?,
+            (_, None) => picture(work, runs, &block)?,
+        };
+        for index in block {
             let label = runs[index].candidate.label();
-            match result {
-                Ok(hdr) => {
-                    runs[index].flip_hdr = hdr;
-                    if let Some(value) = hdr {
-                        let arrays =
-                            super::Arrays { notes: json!(null), arrays: vec![("flip_hdr".to_owned(), vec![value])] };
-                        cache.store(&hdr_key(&runs[index]), &arrays)?;
-                    }
-                }
-                Err(why) => progress.say(&format!("no image: {label}: {why}")),
+            if let Some((_, why)) = failures.iter().find(|(failed, _)| *failed == index) {
+                progress.say(&format!("no image: {label}: {why}"));
+            }
+            if !runs[index].fronts.is_empty() {
+                runs[index].flip_hdr = store.flip_hdr(&runs[index].identity.key());
             }
             progress.step(&label);
         }
     }
     Ok(false)
+}
+
+/// Keeps the images of the runs of a block, and the HDR FLIP of those on a front. Gives what failed, and why.
+pub(super) fn picture(work: &Workshop, runs: &[Run], block: &[usize]) -> Result<Vec<(usize, String)>, StoreError> {
+    let (experiment, store) = (work.experiment, work.store);
+    let size = (experiment.image.width as usize, experiment.image.height as usize);
+    let first = &runs[block[0]].candidate;
+    let stage = Stage::new(experiment, first);
+    let film = stage.film(experiment, first, Vec::new(), Some(size), true, work.cache);
+    let frame = picture_frame(experiment, film.frames.len());
+    let Some(view) = &film.frames[frame].view else { return Ok(Vec::new()) };
+    let reference = view.picture(&view.reference);
+    let transports = stage.transports(&film);
+    let recipes: HashMap<usize, Result<Recipe, String>> = block
+        .iter()
+        .map(|index| (*index, stage.recipe(experiment, &runs[*index].candidate, &film, work.bakery)))
+        .collect();
+    let one = |index: usize| -> Result<Option<f64>, String> {
+        let run = &runs[index];
+        let recipe = recipes[&index].as_ref().map_err(Clone::clone)?;
+        let cast = film
+            .cast(recipe, run.candidate.freeze_frame(), &transports, work.bench)
+            .map_err(|error| error.to_string())?;
+        let irradiance: Vec<Rgb<f64>> = view.irradiance(cast.frame(frame)).map_err(|error| error.to_string())?;
+        let key = run.identity.key();
+        let image = LayeredImage::of_run(
+            &view.layer(&irradiance),
+            &view.layer(&view.reference),
+            Some(&view.albedo()),
+            &key.run(),
+            &serde_json::to_string(&run.identity.configuration).expect("a configuration is plain JSON"),
+        );
+        let bytes = image.to_bytes().map_err(|error| error.to_string())?;
+        store.keep_image(&key, &bytes).map_err(|error| error.to_string())?;
+        if run.fronts.is_empty() {
+            return Ok(None);
+        }
+        Ok(flip_hdr(&reference, &view.picture(&irradiance)).ok().map(|map| map.mean()))
+    };
+    let done: Vec<(usize, Result<Option<f64>, String>)> = block.par_iter().map(|index| (*index, one(*index))).collect();
+    let mut failures = Vec::new();
+    for (index, result) in done {
+        match result {
+            Ok(None) => {}
+            Ok(Some(value)) => store.keep_flip_hdr(&runs[index].identity.key(), value)?,
+            Err(why) => failures.push((index, why)),
+        }
+    }
+    Ok(failures)
 }

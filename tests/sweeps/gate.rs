@@ -1,0 +1,293 @@
+//! The gate holds what is right and sees what is wrong: sabotaged runs, a missing baseline, empty results.
+
+use std::path::Path;
+
+use rigbench::candidate::{Lit, Surroundings, prepare};
+use rigbench::experiment::{Candidate, Experiment};
+use rigbench::math::Rgb;
+use rigbench::metric::{self, Scored};
+use rigbench::reference;
+use rigbench::run::{Claim, Findings, Scores, Store, recipe_of};
+use rigbench::sh::Lobe;
+use serde_json::Value;
+
+use super::{RUNS, project, results, rigbench_does};
+
+const THRESHOLDS: &str = "[[threshold]]\nwhere = { rig = \"direct\" }\nmetric = \"nrmse\"\nmax = 1e-5\n\
+     [[threshold]]\nwhere = { rig = [\"gradient\", \"lattice\"] }\nmetric = \"interpolation_nrmse\"\nper = { rig = \"constant\" }\nmax = 0.9\n";
+
+/// Every metric of what `sabotage` makes of the irradiance of a candidate: E of the candidate itself and of the rig `constant`.
+fn sabotaged(folder: &Path, rig: &str, sabotage: impl Fn(Rgb<f64>, Rgb<f64>) -> Rgb<f64>) {
+    let experiment = Experiment::load(&folder.join("experiments/small.toml")).unwrap();
+    let store = Store::at(&results(folder));
+    let named = |candidate: &&Candidate, rig: &str| candidate.label().split(' ').nth(2) == Some(rig);
+    for candidate in experiment.candidates.iter().filter(|c| named(c, rig)) {
+        let receiver = &candidate.scene.receivers[0];
+        let (points, bounds) = (receiver.area_points(0, 4096), receiver.oriented_box(0));
+        let lights = candidate.lights.at(0, 1);
+        let around = Surroundings { bounds, lights: &lights, wrap: 0.0, transport: None };
+        let values = |candidate: &Candidate| {
+            let lit: Box<dyn Lit> = prepare(&recipe_of(candidate, experiment.seed), &around, None).unwrap();
+            lit.irradiance(&points).unwrap()
+        };
+        let constant =
+            experiment.candidates.iter().find(|c| named(c, "constant") && c.lights.name() == candidate.lights.name());
+        let own = values(candidate);
+        let wrong: Vec<Rgb<f64>> = own.iter().zip(values(constant.unwrap())).map(|(e, c)| sabotage(*e, c)).collect();
+        let lobe = Lobe::<f64>::new(0.0);
+        let truth = reference::exact(&lights, &points, &lobe, glam::DVec3::ZERO).irradiance;
+        let truncated = candidate
+            .order
+            .filter(|_| candidate.rig().is_some())
+            .map(|order| reference::truncated(&lights, &points, &lobe, &[order]).remove(0));
+        let scored =
+            Scored { reference: &truth, standard_error: None, truncated: truncated.as_deref(), candidate: &wrong };
+        let identity = candidate.identity();
+        let before = store.record(&identity.key()).expect("it was run before").metrics;
+        let mut findings: Findings = serde_json::from_value(before).unwrap();
+        findings.pooled = Scores::default();
+        for (key, score) in metric::measure(&scored) {
+            findings.pooled.values.extend(score.ok().map(|score| (key.to_owned(), score.value)));
+        }
+        let Claim::Mine(writer) = store.claim(&identity, true, true).unwrap() else { panic!("someone else has it") };
+        writer.finish(serde_json::to_value(&findings).unwrap()).unwrap();
+    }
+    // the results as the store has them now
+    let (exit, _, log) = rigbench_does(folder, &["run", "experiments/small.toml", "--no-figures"]);
+    assert!([0, 101].contains(&exit) && log.contains(&format!("0 computed, {RUNS} cached")), "{log}");
+}
+
+fn check(folder: &Path, more: &[&str]) -> (i32, String, String) {
+    rigbench_does(folder, &[&["check", "results/small"][..], more].concat())
+}
+
+/// A project that was run and accepted.
+fn accepted() -> tempfile::TempDir {
+    let folder = project(THRESHOLDS);
+    let at = folder.path();
+    let (exit, _, log) = rigbench_does(at, &["run", "experiments/small.toml", "--no-figures"]);
+    assert_eq!(exit, 0, "{log}");
+    let (exit, out, log) = check(at, &[]);
+    assert_eq!(exit, 102, "a missing baseline: {out}{log}");
+    assert!(log.contains("results/baselines/small.json"), "{log}");
+    assert_eq!(check(at, &["--accept"]).0, 2, "accepting needs a reason");
+    let (exit, out, log) = check(at, &["--accept", "--reason", "first results"]);
+    assert_eq!(exit, 0, "{out}{log}");
+    let (exit, out, _) = check(at, &[]);
+    assert_eq!(exit, 0, "{out}");
+    assert!(!out.contains("no baseline") && out.contains("quality: nrmse") && out.contains("cost: setup_us"), "{out}");
+    folder
+}
+
+#[test]
+fn sabotaged_runs_fail_and_accepting_takes_over_what_failed_alone() {
+    let folder = accepted();
+    let at = folder.path();
+    let failing = |rig: &str, out: &str| {
+        let lines: Vec<&str> = out.lines().filter(|line| line.starts_with("FAILED: quality")).collect();
+        assert!(!lines.is_empty() && lines.iter().all(|line| line.contains(rig)), "{rig}: {out}");
+        assert!(lines.iter().any(|line| line.contains("it would pass with [check] quality =")), "{out}");
+    };
+    // the sign of the gradient: l(c) - (p - c).grad = 2 l(c) - (l(c) + (p - c).grad)
+    sabotaged(at, "gradient", |own, constant| constant + constant - own);
+    let (exit, out, _) = check(at, &[]);
+    assert_eq!(exit, 101);
+    failing("gradient", &out);
+    // a weight of the lattice: a tenth of it goes to the wrong place
+    sabotaged(at, "lattice", |own, constant| own * 0.9 + constant * 0.1);
+    let (exit, out, _) = check(at, &[]);
+    assert_eq!(exit, 101);
+    assert!(out.lines().any(|line| line.starts_with("FAILED: quality") && line.contains("lattice")), "{out}");
+    // one per cent
+    sabotaged(at, "direct", |own, _| own * 1.01);
+    sabotaged(at, "mixed", |own, _| own * 1.01);
+    let (exit, out, _) = check(at, &[]);
+    assert_eq!(exit, 101);
+    for what in ["FAILED: threshold of line", "FAILED: quality: nrmse"] {
+        assert!(out.lines().any(|line| line.starts_with(what) && line.contains("direct")), "{what}: {out}");
+    }
+    assert!(out.lines().any(|line| line.starts_with("FAILED: quality") && line.contains("mixed")), "{out}");
+
+    // other formats say the same
+    let (exit, json, _) = check(at, &["--format", "json"]);
+    assert_eq!(exit, 101);
+    let json: Value = serde_json::from_str(&json).unwrap();
+    let failed = json["checks"].as_array().unwrap().iter().filter(|c| c["verdict"] == "failed").count();
+    assert_eq!(json["failed"], failed);
+    let (_, junit, _) = check(at, &["--format", "junit"]);
+    assert!(junit.contains("<testsuite name=\"quality\"") && junit.matches("<failure").count() == failed, "{junit}");
+    let (_, github, _) = check(at, &["--format", "github"]);
+    assert_eq!(github.lines().filter(|line| line.starts_with("::error file=")).count(), failed, "{github}");
+
+    // accepting changes what failed and nothing else; a threshold cannot be accepted
+    let path = at.join("results/baselines/small.json");
+    let before: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    let (exit, _, _) = check(at, &["--accept", "--reason", "a test says so"]);
+    assert_eq!(exit, 101);
+    let (_, out, _) = check(at, &[]);
+    let failing: Vec<&str> = out.lines().filter(|line| line.starts_with("FAILED")).collect();
+    assert!(!failing.is_empty() && failing.iter().all(|line| line.contains("threshold")), "{out}");
+    let after: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    assert_eq!(after["accepted"][1]["reason"], "a test says so");
+    for (old, new) in before["rows"].as_array().unwrap().iter().zip(after["rows"].as_array().unwrap()) {
+        let untouched = old["place"]["rig"] == "constant";
+        assert_eq!(old["values"] == new["values"], untouched, "{old} {new}");
+        assert_eq!((&old["place"], &old["times"]), (&new["place"], &new["times"]));
+    }
+}
+
+#[test]
+fn what_is_gone_new_empty_or_better_is_told_apart() {
+    let folder = accepted();
+    let at = folder.path();
+    let path = results(at).join("results.json");
+    let whole = std::fs::read_to_string(&path).unwrap();
+    let with_rows = |change: &dyn Fn(&mut Vec<Value>)| {
+        let mut document: Value = serde_json::from_str(&whole).unwrap();
+        change(document["rows"].as_array_mut().unwrap());
+        std::fs::write(&path, document.to_string()).unwrap();
+    };
+    with_rows(&|rows| rows.clear());
+    let (exit, out, _) = check(at, &[]);
+    assert_eq!(exit, 101, "{out}");
+    assert!(out.contains("hold no run"), "{out}");
+    with_rows(&|rows| drop(rows.remove(3)));
+    let (exit, out, _) = check(at, &[]);
+    assert_eq!(exit, 101, "{out}");
+    assert!(out.contains("FAILED: run: ball lamp lattice") && out.contains("not in the results"), "{out}");
+    with_rows(&|rows| {
+        let mut other = rows[2].clone();
+        other["rig"] = "another".into();
+        rows.push(other);
+    });
+    let (exit, out, _) = check(at, &[]);
+    assert_eq!(exit, 102, "{out}");
+    assert!(out.contains("no baseline: run: ball lamp another"), "{out}");
+    with_rows(&|rows| rows[1]["status"] = "failed".into());
+    assert_eq!(check(at, &[]).0, 101);
+    // better passes and is told; strict holds it too
+    let scaled = |factor: f64| {
+        move |rows: &mut Vec<Value>| rows[1]["max_abs"] = (rows[1]["max_abs"].as_f64().unwrap() * factor).into()
+    };
+    with_rows(&scaled(0.5));
+    let (exit, out, _) = check(at, &[]);
+    assert_eq!(exit, 0, "{out}");
+    assert!(out.contains("better: quality: max_abs"), "{out}");
+    assert_eq!(check(at, &["--strict"]).0, 101);
+    // rounding passes, a thousandth does not
+    with_rows(&scaled(1.00001));
+    assert_eq!(check(at, &[]).0, 0);
+    with_rows(&scaled(1.001));
+    assert_eq!(check(at, &[]).0, 101);
+    // times: a slower machine is no regression, one candidate that is slower is; on another machine nothing is said
+    let slower = |rows: &mut Vec<Value>, which: &[usize], factor: f64| {
+        for row in which {
+            let samples = rows[*row]["times"]["samples"]["setup_us"].as_array_mut().unwrap();
+            samples.iter_mut().for_each(|sample| *sample = (sample.as_f64().unwrap() * factor).into());
+        }
+    };
+    let even = |rows: &mut Vec<Value>| {
+        for row in [1, 2] {
+            let samples = &mut rows[row]["times"]["samples"]["setup_us"];
+            let first = samples[0].as_f64().unwrap();
+            *samples = (0..6).map(|i| first * (1.0 + 0.001 * i as f64)).collect::<Vec<f64>>().into();
+        }
+    };
+    let baseline = ["--baseline", "even.json"];
+    with_rows(&even);
+    assert_eq!(check(at, &[&baseline[..], &["--accept", "--reason", "steady times"]].concat()).0, 0);
+    with_rows(&|rows| {
+        even(rows);
+        slower(rows, &[1, 2], 3.0);
+    });
+    let (exit, out, _) = check(at, &baseline);
+    assert_eq!(exit, 0, "{out}");
+    with_rows(&|rows| {
+        even(rows);
+        slower(rows, &[2], 3.0);
+    });
+    let (exit, out, _) = check(at, &baseline);
+    assert_eq!(exit, 101, "{out}");
+    assert!(out.contains("FAILED: cost: setup_us") && out.contains("it would pass with [check] cost ="), "{out}");
+    with_rows(&|rows| {
+        even(rows);
+        slower(rows, &[2], 3.0);
+        rows[2]["times"]["on"]["machine"] = "another".into();
+    });
+    let (exit, out, _) = check(at, &baseline);
+    assert_eq!(exit, 0, "{out}");
+    assert!(out.contains("not compared: cost"), "{out}");
+    // a noisy reference is judged by its standard error
+    let noisy = |rows: &mut Vec<Value>, factor: f64| {
+        let nrmse = rows[1]["nrmse"].as_f64().unwrap();
+        rows[1]["ref_noise"] = (0.01 * nrmse).into();
+        rows[1]["nrmse_se"] = (0.002 * nrmse).into();
+        rows[1]["nrmse"] = (factor * nrmse).into();
+    };
+    let baseline = ["--baseline", "noisy.json"];
+    with_rows(&|rows| noisy(rows, 1.0));
+    assert_eq!(check(at, &[&baseline[..], &["--accept", "--reason", "noise"]].concat()).0, 0);
+    with_rows(&|rows| noisy(rows, 1.005));
+    let (exit, out, _) = check(at, &baseline);
+    assert_eq!(exit, 0, "{out}");
+    with_rows(&|rows| noisy(rows, 1.02));
+    let (exit, out, _) = check(at, &baseline);
+    assert_eq!(exit, 101, "{out}");
+    assert!(out.contains("it would pass with a limit of |z|"), "{out}");
+}
+
+#[test]
+fn comparisons_tell_significant_changes_and_refuse_times_of_other_machines() {
+    let folder = project("");
+    let at = folder.path();
+    for out in ["a", "b"] {
+        let (exit, _, log) = rigbench_does(at, &["run", "experiments/small.toml", "--no-figures", "--out", out]);
+        assert_eq!(exit, 0, "{log}");
+    }
+    let compare = |more: &[&str]| {
+        let (exit, out, log) = rigbench_does(at, &[&["compare", "a", "b"][..], more].concat());
+        assert_eq!(exit, 0, "{log}");
+        out
+    };
+    let change = |edit: &dyn Fn(&mut Vec<Value>)| {
+        let path = at.join("b/results.json");
+        let mut document: Value = serde_json::from_slice(&std::fs::read(at.join("a/results.json")).unwrap()).unwrap();
+        edit(document["rows"].as_array_mut().unwrap());
+        std::fs::write(path, document.to_string()).unwrap();
+    };
+    change(&|_| {});
+    let same = compare(&[]);
+    assert!(same.contains("same") && !same.contains("worse") && !same.contains("better"), "{same}");
+    change(&|rows| {
+        rows[2]["nrmse"] = (2.0 * rows[2]["nrmse"].as_f64().unwrap()).into();
+        rows[3]["bias"] = 0.0.into();
+        let samples = &mut rows[1]["times"]["samples"]["eval_ns_per_point"];
+        *samples = samples.as_array().unwrap().iter().map(|v| v.as_f64().unwrap() * 20.0).collect::<Vec<f64>>().into();
+        rows.remove(4);
+    });
+    let table = compare(&[]);
+    for (row, metric, word) in
+        [("gradient", "nrmse", "worse"), ("lattice", "bias", "better"), ("constant", "eval_ns_per_point", "worse")]
+    {
+        let found = table.lines().any(|line| line.contains(row) && line.contains(metric) && line.contains(word));
+        assert!(found, "{row} {metric} {word}: {table}");
+    }
+    assert!(table.contains("only in A"), "{table}");
+    let rows: Vec<std::collections::HashMap<String, String>> =
+        csv::Reader::from_reader(compare(&["--format", "csv"]).as_bytes())
+            .deserialize()
+            .map(|row| row.unwrap())
+            .collect();
+    let slow = rows
+        .iter()
+        .find(|row| row["metric"] == "eval_ns_per_point" && row["rig"] == "constant" && row["lights"] == "lamp")
+        .unwrap();
+    let number = |column: &str| slow[column].parse::<f64>().unwrap();
+    assert!((number("change") - 20.0).abs() < 1e-6 && number("low") < 20.0 && number("high") > 20.0, "{slow:?}");
+    let json: Value = serde_json::from_str(&compare(&["--format", "json"])).unwrap();
+    assert_eq!(json["changes"].as_array().unwrap().len(), rows.len());
+    assert!(compare(&["--format", "markdown"]).contains("| worse |"));
+    change(&|rows| rows[1]["times"]["on"]["machine"] = "another".into());
+    let other = compare(&["--all"]);
+    assert!(other.contains("note: times are not compared") && other.contains("timed on another machine"), "{other}");
+}
