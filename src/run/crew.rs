@@ -37,6 +37,9 @@ struct Hand {
     said: Arc<Mutex<VecDeque<String>>>,
 }
 
+/// What a process says that asks for memory in vain.
+const OUT_OF_MEMORY: &str = "memory allocation of";
+
 /// Lines of a worker's standard error that a failed run's log keeps.
 const SAID: usize = 20;
 
@@ -73,14 +76,16 @@ impl<'a> Crew<'a> {
                 }
             }
         });
-        let said = Arc::new(Mutex::new(VecDeque::new()));
+        let said: Arc<Mutex<VecDeque<String>>> = Arc::default();
         let (errors, kept) = (BufReader::new(child.stderr.take().expect("it is piped")), said.clone());
         std::thread::spawn(move || {
             for line in errors.lines().map_while(Result::ok) {
                 eprintln!("{line}");
                 let mut kept = kept.lock().expect("nothing panics while it listens");
                 if kept.len() == SAID {
-                    kept.pop_front();
+                    // what tells the cause stays, however long the backtrace
+                    let at = kept.iter().position(|line| !line.contains(OUT_OF_MEMORY)).unwrap_or(0);
+                    kept.remove(at);
                 }
                 kept.push_back(line);
             }
@@ -337,7 +342,7 @@ fn describe(status: Option<ExitStatus>, said: &[String]) -> String {
     use std::os::unix::process::ExitStatusExt;
     let last = said.last().map_or(String::new(), |line| format!(": {line}"));
     match status {
-        Some(status) if said.iter().any(|line| line.contains("memory allocation of")) => {
+        Some(status) if said.iter().any(|line| line.contains(OUT_OF_MEMORY)) => {
             format!("out of memory ({status}){last}")
         }
         Some(status) if status.signal() == Some(9) => format!("its worker was killed (signal 9): out of memory?{last}"),
