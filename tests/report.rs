@@ -142,6 +142,9 @@ fn a_reader_finds_the_answer_the_failures_the_runs_and_the_pictures() {
     let b = &mut browser;
     b.open(&project.url());
     b.screenshot("light");
+    // pictures come when their section does
+    b.evaluate("document.getElementById('viewer').scrollIntoView()");
+    b.wait_for("document.getElementById('v-state').textContent !== ''");
 
     // nothing but the file itself was asked for
     let requests = b.requests();
@@ -499,5 +502,31 @@ fn a_report_needs_results_and_copes_with_poor_ones() {
     browser.open(&format!("file://{}", folder.path().join("report.html").display()));
     let name = browser.evaluate("document.querySelector('#runs tbody').textContent");
     assert!(name.as_str().unwrap().contains("</script><b>"), "{name}");
+    assert_eq!(browser.complaints(), [""; 0]);
+
+    // hard cases: a row a value of the parameter; the unstable curve stands first and its line leads to it
+    let mut text = "run,experiment,family,parameter,t,model,order,backend,adapter,status,non_finite,singular,error,f64_error,note\n".to_owned();
+    for (run, model, error) in [("00000000000a", "constant", 1e-7), ("00000000000b", "mixed", 1e-2)] {
+        for t in [1.0, 0.1, 0.01] {
+            text += &format!("{run},hard,touching,gap,{t},{model},3,cpu,,ok,0,0,{},1e-15,\n", error / t);
+        }
+    }
+    std::fs::write(folder.path().join("results.csv"), text).unwrap();
+    assert_eq!(rigbench(folder.path(), &["report", "."]).0, 0);
+    browser.open(&format!("file://{}", folder.path().join("report.html").display()));
+    let answer = browser.evaluate("document.querySelector('.answer').textContent");
+    let answer = answer.as_str().unwrap();
+    assert!(
+        answer.starts_with("Of 2 curves in one family all were measured, 2 of them finite everywhere, and 1 keep"),
+        "{answer}"
+    );
+    assert!(answer.contains("is 1, of mixed /3 on cpu in the family touching at gap = 0.01"), "{answer}");
+    let unstable = browser.evaluate("document.querySelector('#trouble details.bad').textContent");
+    assert!(unstable.as_str().unwrap().starts_with("1 run unstable: f32 loses"), "{unstable}");
+    assert_eq!(column(&mut browser, "error"), ["1.00e−5", "1"]);
+    assert_eq!(browser.evaluate("document.querySelectorAll('#fronts .curve.cpu').length"), json!(2));
+    browser.evaluate("document.querySelectorAll('#fronts .plot a')[1].dispatchEvent(new MouseEvent('click', { bubbles: true, cancelable: true }))");
+    browser.wait_for("document.getElementById('run').dataset.run === '00000000000b'");
+    assert_eq!(browser.evaluate("document.querySelectorAll('#run tbody tr').length"), json!(3));
     assert_eq!(browser.complaints(), [""; 0]);
 }

@@ -60,7 +60,10 @@ pub fn curves(table: &Table) -> Option<Table> {
 pub fn answer(stored: &Stored, question: String) -> Answer {
     let rows: Vec<Row> = stored.table.rows().collect();
     let measured: Vec<&Row> = rows.iter().filter(|r| r.number("error").is_some()).collect();
-    let families = groups(rows.iter().copied(), &["family"]).len();
+    let families = match groups(rows.iter().copied(), &["family"]).len() {
+        1 => "one family".to_owned(),
+        n => format!("{n} families"),
+    };
     let finite = measured.iter().filter(|r| r.number("non_finite") == Some(0.0)).count();
     let kept = measured.iter().filter(|r| r.number("error").is_some_and(|e| e <= HALF_OF_F32)).count();
     let worst = measured.iter().max_by(|a, b| {
@@ -68,7 +71,7 @@ pub fn answer(stored: &Stored, question: String) -> Answer {
         of(a).total_cmp(&of(b))
     });
     let first = format!(
-        "Of {} curves in {families} families {} measured, {finite} of them finite everywhere, and {kept} keep at least half of f32's digits wherever they go.",
+        "Of {} curves in {families} {} measured, {finite} of them finite everywhere, and {kept} keep at least half of f32's digits wherever they go.",
         rows.len(),
         if measured.len() == rows.len() { "all were".to_owned() } else { format!("{} were", measured.len()) },
     );
@@ -80,7 +83,7 @@ pub fn answer(stored: &Stored, question: String) -> Answer {
             r.text("backend"),
             r.text("family"),
             r.text("parameter"),
-            r.text("worst_t"),
+            r.number("worst_t").map_or(String::new(), |t| Format::Plain.write(t)),
         ),
         None => "None has a number.".to_owned(),
     };

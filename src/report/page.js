@@ -524,6 +524,8 @@
     draw();
   };
   if (data.cases.length) {
+    // room for the pictures before they are there, so that nothing moves when they come
+    for (const canvas of document.querySelectorAll('#v-panes canvas')) { canvas.width = data.cases[0].width; canvas.height = data.cases[0].height; }
     $('v-case').append(...data.cases.map((c, i) => make('option', { value: i }, `${c.scene}, ${c.lights}`)));
     $('v-case').addEventListener('change', () => chooseCase(Number($('v-case').value)));
     $('v-run').addEventListener('change', () => chooseRun($('v-run').value));

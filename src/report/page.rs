@@ -302,7 +302,7 @@ fn viewer_section(pictures: &Pictures) -> Markup {
                 div class="colourbar" id="bar-error" { span class="low" {} canvas width="256" height="1" aria-hidden="true" {} span class="high" {} span class="what" {} }
             }
             p id="v-state" role="status" {}
-            table id="v-pixel" { caption { "Pixel" } thead { tr { th scope="col" { "" } th scope="col" { "R" } th scope="col" { "G" } th scope="col" { "B" } } } tbody {} }
+            table id="v-pixel" { caption { "Point at a pixel, or focus a picture and use the arrow keys, for its values." } thead { tr { th scope="col" { "" } th scope="col" { "R" } th scope="col" { "G" } th scope="col" { "B" } } } tbody {} }
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::hard_cases::{HALF_OF_F32, HALF_OF_F64};
 use super::stored::Stored;
+use crate::figure::scale::Format;
 use crate::figure::table::{Row, name, varying_axes};
 
 /// One kind of trouble.
@@ -57,18 +58,19 @@ pub fn trouble(stored: &Stored) -> Vec<Trouble> {
     );
     if stored.points.is_some() {
         let over = |column: &'static str, limit: f64| move |r: &Row| r.number(column).is_some_and(|v| v > limit);
+        let short = |r: &Row, column: &str| r.number(column).map_or(String::new(), |v| Format::Plain.write(v));
         let where_it_is =
-            |r: &Row| format!("error {} at {} = {}", r.text("error"), r.text("parameter"), r.text("worst_t"));
-        kind("are unstable: f32 loses more than half of its digits", true, &over("error", HALF_OF_F32), &where_it_is);
+            |r: &Row| format!("error {} at {} = {}", short(r, "error"), r.text("parameter"), short(r, "worst_t"));
+        kind("unstable: f32 loses more than half of its digits", true, &over("error", HALF_OF_F32), &where_it_is);
         kind(
-            "differ from an independent route by more than half of f64's digits",
+            "away from an independent route by more than half of f64's digits",
             true,
             &over("f64_error", HALF_OF_F64),
-            &|r| format!("f64 differs by {}", r.text("f64_error")),
+            &|r| format!("f64 differs by {}", short(r, "f64_error")),
         );
     }
     kind("did not come to an end", true, &|r| r.text("status") == "open", &|_| "interrupted before it".to_owned());
-    kind("were skipped", false, &|r| r.text("status") == "skipped", &note);
+    kind("skipped", false, &|r| r.text("status") == "skipped", &note);
     let ill = 1e8;
     kind("solved an ill-conditioned system", false, &|r| r.number("condition").is_some_and(|c| c > ill), &|r| {
         format!("condition number {}", r.text("condition"))
@@ -77,7 +79,7 @@ pub fn trouble(stored: &Stored) -> Vec<Trouble> {
         format!("{} terms were dropped where a light is singular", r.text("singular"))
     });
     kind(
-        "have numbers below the noise of the reference",
+        "with numbers below the noise of the reference",
         false,
         &|r| r.text("status") == "ok" && r.text("note").contains("not resolved"),
         &note,

@@ -161,14 +161,24 @@ impl Browser {
         self.call("Input.dispatchMouseEvent", json!({ "type": "mouseMoved", "x": x, "y": y }));
     }
 
+    /// Where the middle of an element is, once it rests there.
     fn middle(&mut self, selector: &str) -> [f64; 2] {
         let quoted = json!(selector);
-        let place = self.evaluate(&format!(
+        let measure = format!(
             "(() => {{ const e = document.querySelector({quoted}); if (!e) return null; e.scrollIntoView({{ block: 'center', behavior: 'instant' }}); \
              const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]; }})()"
-        ));
-        assert!(place.is_array(), "no element {selector}");
-        [place[0].as_f64().unwrap(), place[1].as_f64().unwrap()]
+        );
+        let mut before = Value::Null;
+        for _ in 0..200 {
+            let place = self.evaluate(&measure);
+            assert!(place.is_array(), "no element {selector}");
+            if place == before {
+                return [place[0].as_f64().unwrap(), place[1].as_f64().unwrap()];
+            }
+            before = place;
+            std::thread::sleep(Duration::from_millis(60));
+        }
+        panic!("{selector} does not come to rest");
     }
 
     /// A real key on what has the focus.
