@@ -222,6 +222,8 @@ impl Browser {
             { "name": "prefers-reduced-motion", "value": "reduce" },
         ]);
         self.call("Emulation.setEmulatedMedia", json!({ "media": media, "features": features }));
+        let media = if media.is_empty() { "screen" } else { media };
+        self.wait_for(&format!("matchMedia('{media} and (prefers-color-scheme: {scheme})').matches"));
     }
 
     /// A picture of what is in the window, for people, where RIGBENCH_SCREENSHOTS names a folder.
