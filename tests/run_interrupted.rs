@@ -91,12 +91,17 @@ fn a_sweep_killed_at_random_moments_loses_no_finished_run() {
     let folder = project();
     let mut stream = Stream::indexed(7, StreamPurpose::Test, u64::from(std::process::id()));
     let mut before = BTreeMap::new();
-    for kill in 0..5 {
+    // tests/kills asks for more
+    let kills: usize =
+        std::env::var("RIGBENCH_KILLS").map_or(5, |text| text.parse().expect("RIGBENCH_KILLS is a number"));
+    for kill in 0..kills {
         let child = start(folder.path());
         std::thread::sleep(takes.mul_f64(stream.uniform_between(0.05, 0.6)));
         let mut child = child;
         child.kill().unwrap();
         finish(child);
+        // its worker ends when it sees that no one gives it orders
+        std::thread::sleep(Duration::from_millis(200));
         let after = finished(folder.path());
         for (run, bytes) in &before {
             assert_eq!(after.get(run), Some(bytes), "run {run} after kill {kill}");

@@ -6,8 +6,8 @@ use serde::Deserialize;
 
 use super::axis::AxisTable;
 use super::definition::{GradientSourceFile, LightModelFile, ProbeSourceFile, TransitionFile, WindowFile};
-use super::study::StudyFile;
 use super::settings::{CheckFile, LimitsFile, SlurmFile};
+use super::study::StudyFile;
 use crate::input::{Finite, Spanned};
 use crate::rig::interpolation::InterpolationFile;
 use crate::volume::HeuristicFile;

@@ -22,8 +22,8 @@ pub use definition::{Backend, LightModel, Precision, ProbeSource, Storage, Trans
 pub use document::Override;
 pub use identity::{ALGORITHMS, Algorithms, Identity, Key, TimingIdentity};
 pub use select::{Filter, Selection};
-pub use study::{Study, StudyKind};
 pub use settings::{CheckSettings, LimitSettings, SlurmSettings};
+pub use study::{Study, StudyKind};
 
 use std::collections::HashMap;
 use std::ops::Range;

@@ -7,8 +7,8 @@ use super::definition::{
     Backend, GradientSourceFile, LightModel, LightModelFile, Precision, ProbeSource, ProbeSourceFile, Storage,
     Transition, TransitionFile, WindowFile, WordAxis,
 };
-use super::study::StudyFile;
 use super::settings::{CheckSettings, LimitSettings, SlurmSettings};
+use super::study::StudyFile;
 use super::{Axis, Experiment};
 use crate::input::schema::{
     above, default, defined, described, document, either, flag, list, named, number, one_key, optional, required, some,

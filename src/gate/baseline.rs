@@ -96,13 +96,15 @@ impl BaselineRow {
             let (low, high) = estimate.interval?;
             Some(((*column).to_owned(), [estimate.value, low, high]))
         });
+        let times: BTreeMap<String, [f64; 3]> = times.collect();
+        let timed_on = row.times.as_ref().filter(|_| !times.is_empty()).map(|times| times.on.clone());
         Self {
             place: place.0.into_iter().map(|(column, text)| (column, Value::String(text))).collect(),
             adapter: adapter_of(row),
             run: row.text("run"),
             values: held_columns().filter_map(|column| Some((column.to_owned(), row.number(column)?))).collect(),
-            times: times.collect(),
-            timed_on: row.times.as_ref().map(|times| times.on.clone()),
+            times,
+            timed_on,
         }
     }
 
