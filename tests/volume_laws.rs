@@ -5,12 +5,12 @@ use std::f64::consts::PI;
 use glam::DVec3;
 use rigbench::light::{Constant, Light, Sphere};
 use rigbench::math::{Rgb, Vector3};
-use rigbench::probe::{GradientSource, Prober, Probes, SampleRequest};
+use rigbench::probe::{GradientSource, Prober, Probes, SampleRequest, depths, texels};
 use rigbench::rig::{RigModel, ShVectors};
 use rigbench::scene::OrientedBox;
 use rigbench::sh::Window;
-use rigbench::trace::{Effects, Effort, TracedGeometry, TracedMaterial, Tracer, Transport};
-use rigbench::volume::{BakeError, BakedVolume, Cells, Layout, Volume, VolumeModel, bake};
+use rigbench::trace::{Bounces, Effects, Effort, TracedGeometry, TracedMaterial, Tracer, Transport};
+use rigbench::volume::{BakeError, BakedVolume, Cells, Layout, Volume, VolumeModel, bake, bake_along};
 
 fn room() -> OrientedBox {
     OrientedBox::aligned(DVec3::new(-1.0, -0.6, -0.8), DVec3::new(1.0, 0.9, 1.2))
@@ -41,14 +41,14 @@ fn baked(table: &str) -> BakedVolume {
 fn cells(volume: &BakedVolume) -> &Cells {
     match &volume.layout {
         Layout::Cells(cells) => cells,
-        Layout::Grid(_) => panic!("a grid has no cells"),
+        Layout::Grid(_) | Layout::Path(_) => panic!("no cells"),
     }
 }
 
 const BOX: &str = "bounds = { min = [-1, -0.6, -0.8], max = [1, 0.9, 1.2] }";
 
 fn octree(rest: &str) -> String {
-    format!("octree = {{ {BOX}, min_level = 1, max_level = 4, heuristic = \"gradient\", {rest} }}")
+    format!("octree = {{ {BOX}, min_level = 0, max_level = 5, heuristic = \"error\", {rest} }}")
 }
 
 fn value(volume: &BakedVolume, vectors: &ShVectors<f64>, q: DVec3) -> Vec<f64> {
@@ -376,4 +376,174 @@ fn a_grid_volume_is_the_lattice_over_its_box() {
     let VolumeModel::Grid(_) = volume.model::<f64>() else { panic!("a grid is evaluated as a lattice") };
     assert_eq!(volume.places.len(), 24);
     assert_eq!(volume.floats(), 24 * 4 * 27);
+}
+
+/// The inside of a box that shines and reflects everywhere.
+fn furnace(emission: f64, albedo: f64) -> TracedGeometry {
+    let mut geometry = TracedGeometry::default();
+    let material = TracedMaterial { albedo: Rgb::splat(albedo), emission: Rgb::splat(emission) };
+    let half = DVec3::new(1.5, 1.2, 1.6);
+    for axis in 0..3 {
+        for side in [-1.0, 1.0] {
+            let inwards = DVec3::AXES[axis] * -side;
+            let u = DVec3::AXES[(axis + 1) % 3];
+            geometry.add_quad(material, -inwards * half, u * half, inwards.cross(u) * half);
+        }
+    }
+    geometry
+}
+
+/// A sphere of triangles that shines outwards.
+fn ball(center: DVec3, radius: f64, emission: f64) -> TracedGeometry {
+    let mut geometry = TracedGeometry::default();
+    let material = TracedMaterial { albedo: Rgb::zero(), emission: Rgb::splat(emission) };
+    let at = |i: usize, j: usize| {
+        let (theta, phi) = (PI * i as f64 / 24.0, 2.0 * PI * j as f64 / 48.0);
+        center + DVec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin()) * radius
+    };
+    let mut triangles = Vec::new();
+    for i in 0..24 {
+        for j in 0..48 {
+            let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+            triangles.extend([[a, c, b], [a, d, c]]);
+        }
+    }
+    geometry.add(material, triangles);
+    geometry
+}
+
+fn sampled(prober: &Prober, place: DVec3) -> (Vec<f64>, rigbench::trace::Counters) {
+    let position = prober.bounds.local(place).to_array();
+    let (sampled, counters) = prober.take(&[SampleRequest { position, derivatives: [true; 3] }]);
+    (sampled.vectors.data, counters)
+}
+
+#[test]
+fn captured_furnaces_are_exact_whatever_the_face() {
+    let tracer = Tracer::new(&furnace(1.0, 0.0));
+    let transport = Transport::new(&tracer, &[], Effects::bounces(Bounces::Count(0)));
+    for face in [4, 7, 32] {
+        let around = prober(&[], Some(&transport), Probes::Captured { face, paths: 1, seed: 1 });
+        let (data, _) = sampled(&around, DVec3::new(0.2, -0.1, 0.3));
+        // L_0 = 2 sqrt(pi) L by exact solid angles; the other bands by quadrature
+        assert!((data[0] - 2.0 * PI.sqrt()).abs() < 1e-12, "{face}: {}", data[0]);
+        let others = data[3..27].iter().fold(0.0f64, |a, b| a.max(b.abs()));
+        assert!(others < 0.7 / f64::from(face * face), "{face}: {others}");
+    }
+    // reflected light by paths: E = pi L (1 + a + a^2 + ...)
+    let tracer = Tracer::new(&furnace(1.0, 0.5));
+    let transport = Transport::new(&tracer, &[], Effects::bounces(Bounces::Infinite));
+    let around = prober(&[], Some(&transport), Probes::Captured { face: 16, paths: 16, seed: 1 });
+    let (data, _) = sampled(&around, DVec3::ZERO);
+    assert!((data[0] / (4.0 * PI.sqrt()) - 1.0).abs() < 0.02, "{}", data[0]);
+}
+
+#[test]
+fn captured_light_comes_to_what_rays_find() {
+    let tracer = Tracer::new(&block());
+    let mut lights = lights();
+    lights.push(surroundings([0.3, 0.3, 0.3]));
+    let transport = Transport::new(&tracer, &lights, Effects::bounces(Bounces::Count(1)));
+    let place = DVec3::new(0.3, 0.3, 0.6);
+    let traced = prober(&lights, Some(&transport), Probes::Traced { effort: Effort::Samples(60_000), seed: 1 });
+    let (truth, _) = sampled(&traced, place);
+    let error = |face: u32| {
+        let around = prober(&lights, Some(&transport), Probes::Captured { face, paths: 16, seed: 2 });
+        let (data, _) = sampled(&around, place);
+        let apart: f64 = data[..27].iter().zip(&truth[..27]).map(|(a, b)| (a - b).powi(2)).sum();
+        (apart / truth[..27].iter().map(|b| b * b).sum::<f64>()).sqrt()
+    };
+    let (coarse, fine) = (error(6), error(96));
+    assert!(fine < 0.01, "{fine}");
+    assert!(coarse > 2.0 * fine, "few texels miss the shapes of lights: {coarse} and {fine}");
+}
+
+#[test]
+fn gradients_three_ways_agree_on_a_curved_scene_and_say_what_they_clamp() {
+    let center = DVec3::new(1.9, 0.3, 0.2);
+    let tracer = Tracer::new(&ball(center, 0.5, 3.0));
+    let transport = Transport::new(&tracer, &[], Effects::bounces(Bounces::Count(0)));
+    let light = [Light::Sphere(Sphere { center: Vector3::of(center), radius: 0.5, radiance: Rgb::splat(3.0) })];
+    let place = DVec3::new(0.2, 0.1, 0.0);
+    let (exact, _) = sampled(&prober(&light, None, Probes::Analytic), place);
+    let with = |probes: Probes, gradients: GradientSource| {
+        sampled(&Prober { gradients, ..prober(&[], Some(&transport), probes) }, place)
+    };
+    let apart = |data: &[f64]| {
+        let sum: f64 = data[27..].iter().zip(&exact[27..]).map(|(a, b)| (a - b).powi(2)).sum();
+        (sum / exact[27..].iter().map(|b| b * b).sum::<f64>()).sqrt()
+    };
+    let captured = Probes::Captured { face: 256, paths: 1, seed: 1 };
+    let (semi, counters) = with(captured, GradientSource::Analytic);
+    assert!(apart(&semi) < 0.06, "{}", apart(&semi));
+    assert!(counters.gradient_terms > 1000);
+    let share = counters.clamped_gradients as f64 / counters.gradient_terms as f64;
+    assert!(share < 0.02, "{share}");
+    let (central, _) = with(captured, GradientSource::Central { step: 0.1 });
+    assert!(apart(&central) < 0.06, "{}", apart(&central));
+    let traced = Probes::Traced { effort: Effort::Samples(40_000), seed: 1 };
+    let (rays, _) = with(traced, GradientSource::Analytic);
+    assert!(apart(&rays) < 0.06, "{}", apart(&rays));
+    // a planted wrong gradient is told apart
+    let wrong: Vec<f64> = semi.iter().enumerate().map(|(i, v)| if i < 27 { *v } else { -v }).collect();
+    assert!(apart(&wrong) > 1.0);
+}
+
+#[test]
+fn depths_of_a_box_by_closed_form() {
+    let half = DVec3::new(1.5, 1.2, 1.6);
+    let tracer = Tracer::new(&furnace(1.0, 0.0));
+    let found = depths(&tracer, DVec3::ZERO, &texels(64), |place| {
+        assert!(((place.abs() / half).max_element() - 1.0).abs() < 1e-5);
+    });
+    assert!((found.minimum - 1.2).abs() < 1e-3, "{found:?}");
+    assert_eq!(found.behind, 0.0);
+    // 1/depth = max |w_i|/half_i, integrated over many even directions
+    let count = 200_000;
+    let mean: f64 = (0..count)
+        .map(|k| {
+            let z = 1.0 - (2.0 * k as f64 + 1.0) / f64::from(count);
+            let phi = PI * (3.0 - 5f64.sqrt()) * f64::from(k);
+            let r = (1.0 - z * z).sqrt();
+            (DVec3::new(r * phi.cos(), r * phi.sin(), z).abs() / half).max_element()
+        })
+        .sum::<f64>()
+        / f64::from(count);
+    assert!((found.harmonic_mean * mean - 1.0).abs() < 1e-3, "{} and {}", found.harmonic_mean, 1.0 / mean);
+}
+
+#[test]
+fn each_iteration_of_a_dynamic_volume_adds_a_bounce() {
+    let tracer = Tracer::new(&furnace(1.0, 0.5));
+    let transport = Transport::new(&tracer, &[], Effects::bounces(Bounces::Infinite));
+    let table = format!("grid = {{ {BOX}, samples = [2, 2, 2] }}");
+    let mut sum = 0.0;
+    for iterations in 0..6 {
+        sum += 0.5f64.powi(iterations);
+        let around = prober(&[], Some(&transport), Probes::Relit { face: 8, iterations: iterations as u32, seed: 1 });
+        let volume = bake(&Volume::inline(&table).unwrap(), &around).unwrap();
+        let level = volume.values.data[0] / (2.0 * PI.sqrt());
+        assert!((level / sum - 1.0).abs() < 2e-3, "{iterations}: {level} for {sum}");
+    }
+}
+
+#[test]
+fn a_path_is_read_by_time() {
+    let lights = lights();
+    let volume = Volume::inline("path = { samples = 5 }").unwrap();
+    let track: Vec<DVec3> = (0..5).map(|k| DVec3::new(-0.8 + 0.4 * f64::from(k), 0.1, 0.2)).collect();
+    let around =
+        Prober { bounds: OrientedBox::aligned(DVec3::NEG_ONE, DVec3::ONE), ..prober(&lights, None, Probes::Analytic) };
+    let baked = bake_along(&volume, &around, &track).unwrap();
+    for (k, place) in track.iter().enumerate() {
+        let (truth, _) = sampled(&around, *place);
+        let found = baked.along_path(0, k as f64 / 4.0);
+        for (a, b) in found.concat().iter().zip(&truth) {
+            assert!((a - b).abs() < 1e-12 * (1.0 + b.abs()), "{k}: {a} for {b}");
+        }
+    }
+    // between samples: the mean at half the way
+    let [middle, ..] = baked.along_path(0, 0.125);
+    let ([a, ..], [b, ..]) = (baked.along_path(0, 0.0), baked.along_path(0, 0.25));
+    assert!(middle.iter().zip(a.iter().zip(&b)).all(|(m, (a, b))| (m - 0.5 * (a + b)).abs() < 1e-12));
 }

@@ -15,11 +15,11 @@ use rayon::prelude::*;
 
 use crate::light::{self, DIRECT_ORDER, Light, LightModel, ModelledLight};
 use crate::math::{Real, Rgb, Vector3};
-use crate::probe::{GradientSource, Sampled, sample_lights, sample_traced};
+use crate::probe::{GradientSource, Prober, Sampled, sample_lights};
 use crate::rig::{AnyRig, LocalPoints, Model, Rig, RigModel, SampleRequest, ShVectors};
 use crate::scene::{OrientedBox, SurfacePoint};
 use crate::sh::{Lobe, Window};
-use crate::trace::{Counters, Effort, Transport};
+use crate::trace::{Counters, Transport};
 use crate::with_order;
 
 /// A rig over one receiver's box, ready to be set up for the lights of a frame.
@@ -84,10 +84,22 @@ impl<T: Real> RigStage<T> {
         }
     }
 
-    /// Takes the samples by rays now; [`RigStage::fit`] then starts from them. For scenes whose static environment blocks and reflects.
-    pub fn bake(&mut self, transport: &Transport, seed: u64, effort: Effort) {
+    /// Takes the samples by rays or captures now; [`RigStage::fit`] then starts from them. For scenes whose static environment blocks and
+    /// reflects.
+    pub fn bake(&mut self, transport: &Transport, probes: Probes) {
         let start = std::time::Instant::now();
-        let (sampled, counters) = sample_traced(transport, &self.bounds, &self.requests, self.order, seed, effort);
+        let prober = Prober {
+            bounds: self.bounds,
+            order: self.order,
+            lights: &[],
+            transport: Some(transport),
+            probes,
+            gradients: self.gradients,
+            window: self.window,
+        };
+        let (sampled, counters) = prober.take(&self.requests);
+        let vectors = sampled.vectors.rounded();
+        let sampled = Sampled { vectors, projections: sampled.projections, singular: sampled.singular };
         self.baked = Some(Bake { sampled, counters, seconds: start.elapsed().as_secs_f64() });
     }
 

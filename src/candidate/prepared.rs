@@ -425,8 +425,10 @@ fn stage<T: Real>(rig: &AnyRig, recipe: &Recipe, around: &Surroundings) -> RigSt
         recipe.gradients,
         recipe.window,
     );
-    if let (Probes::Traced { effort, seed }, Some(transport)) = (recipe.probes, around.transport) {
-        stage.bake(transport, seed, effort);
+    if let (Probes::Traced { .. } | Probes::Captured { .. } | Probes::Relit { .. }, Some(transport)) =
+        (recipe.probes, around.transport)
+    {
+        stage.bake(transport, recipe.probes);
     }
     stage
 }

@@ -19,6 +19,10 @@ pub struct Reading<'a> {
     pub mesh: Option<&'a Mesh>,
     /// Its boxes in the frames before this one, from the first on.
     pub before: &'a [OrientedBox],
+    /// Its place among the scene's objects.
+    pub object: usize,
+    /// Frames of the animation.
+    pub frames: usize,
 }
 
 /// What a receiver makes of a volume in a frame.
@@ -39,6 +43,8 @@ pub(super) struct CpuVolume<T: Real> {
     lobe: Lobe<T>,
     /// Boxes up to this frame.
     boxes: Vec<OrientedBox>,
+    /// Place among the objects, and the time from 0 to 1.
+    at: (usize, f64),
     mesh: Option<Mesh>,
     read: Read<T>,
 }
@@ -48,8 +54,10 @@ impl<T: Real> CpuVolume<T> {
         let boxes: Vec<OrientedBox> = reading.before.iter().copied().chain([bounds]).collect();
         let mesh = reading.mesh.filter(|_| baked.volume.lookup == Lookup::PerVertex).cloned();
         let lobe = Lobe::new(wrap);
-        let read = read(&baked, &boxes, mesh.as_ref(), &lobe);
-        Self { baked, bounds, lobe, boxes, mesh, read }
+        let time = reading.before.len() as f64 / reading.frames.saturating_sub(1).max(1) as f64;
+        let at = (reading.object, time);
+        let read = read(&baked, &boxes, at, mesh.as_ref(), &lobe);
+        Self { baked, bounds, lobe, boxes, at, mesh, read }
     }
 
     fn local(&self, points: &[SurfacePoint]) -> LocalPoints<T> {
@@ -62,9 +70,12 @@ impl<T: Real> CpuVolume<T> {
 }
 
 /// Radiance vectors at the centre of a receiver's box: value, then its derivatives along the receiver's axes; smoothed over the frames.
-fn object_vectors(baked: &BakedVolume, boxes: &[OrientedBox]) -> ShVectors<f64> {
+fn object_vectors(baked: &BakedVolume, boxes: &[OrientedBox], at: (usize, f64)) -> ShVectors<f64> {
     let read = |bounds: &OrientedBox| -> Vec<f64> {
-        let [value, x, y, z] = baked.value_and_slopes(baked.bounds.local(bounds.center).to_array());
+        let [value, x, y, z] = match baked.volume.is_path() {
+            true => baked.along_path(at.0, at.1),
+            false => baked.value_and_slopes(baked.bounds.local(bounds.center).to_array()),
+        };
         // from the volume's axes to the receiver's
         let turned = bounds.axes.iter().flat_map(|axis| {
             let [a, b, c] = baked.bounds.axes.map(|own| own.dot(*axis));
@@ -82,13 +93,19 @@ fn object_vectors(baked: &BakedVolume, boxes: &[OrientedBox]) -> ShVectors<f64> 
     ShVectors { order: baked.values.order, data: state }
 }
 
-fn read<T: Real>(baked: &BakedVolume, boxes: &[OrientedBox], mesh: Option<&Mesh>, lobe: &Lobe<T>) -> Read<T> {
+fn read<T: Real>(
+    baked: &BakedVolume,
+    boxes: &[OrientedBox],
+    at: (usize, f64),
+    mesh: Option<&Mesh>,
+    lobe: &Lobe<T>,
+) -> Read<T> {
     match (baked.volume.lookup, mesh) {
         (Lookup::PerObject, _) => {
             let half = boxes[boxes.len() - 1].half;
             Read::PerObject {
                 model: AnyRig::Gradient(Gradient {}).model(half),
-                vectors: object_vectors(baked, boxes).rounded::<T>().convolved(lobe.bands()),
+                vectors: object_vectors(baked, boxes, at).rounded::<T>().convolved(lobe.bands()),
             }
         }
         (Lookup::PerVertex, Some(mesh)) => {
@@ -221,7 +238,7 @@ impl<T: Real> Timed for TimedVolume<'_, T> {
         Ok(seconds_of(|| {
             if !matches!(read, Read::PerPoint { .. }) {
                 let last = &volume.boxes[volume.boxes.len() - 1..];
-                *read = self::read(&volume.baked, last, volume.mesh.as_ref(), &volume.lobe);
+                *read = self::read(&volume.baked, last, volume.at, volume.mesh.as_ref(), &volume.lobe);
             }
         }))
     }

@@ -52,6 +52,8 @@ pub enum ProbeSource {
     Traced { spp: Option<u32> },
     /// Cube maps of the scene around the sample; texels along a face's edge, or a number that the program chooses.
     Captured { face: Option<u32> },
+    /// Cube maps of a scene that is lit by the volume of the iteration before.
+    Relit { face: Option<u32>, iterations: u32 },
 }
 
 /// Which lights are evaluated directly and which in the rig.
@@ -107,12 +109,20 @@ impl LightModelFile {
     }
 }
 
-/// `[probe_source.NAME]`: `traced = { spp = 4096 }` or `captured = { face = 64 }`.
+/// `[probe_source.NAME]`: `traced = { spp = 4096 }`, `captured = { face = 64 }` or `relit = { face = 16, iterations = 3 }`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProbeSourceFile {
     traced: Option<Spanned<TracedFile>>,
     captured: Option<Spanned<CapturedFile>>,
+    relit: Option<Spanned<RelitFile>>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RelitFile {
+    face: Option<Spanned<i64>>,
+    iterations: Spanned<i64>,
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -130,18 +140,39 @@ struct CapturedFile {
 impl ProbeSourceFile {
     pub fn schema() -> Value {
         let spp = schema::described(schema::whole(1, 1_000_000), "paths a sample");
-        schema::one_key([("traced", schema::table([schema::optional("spp", spp)]))], [])
+        let face = schema::described(schema::whole(4, 4096), "texels along a face's edge");
+        schema::one_key(
+            [
+                ("traced", schema::table([schema::optional("spp", spp)])),
+                ("captured", schema::table([schema::optional("face", face.clone())])),
+                (
+                    "relit",
+                    schema::table([
+                        schema::optional("face", face),
+                        schema::required("iterations", schema::whole(0, 100)),
+                    ]),
+                ),
+            ],
+            [],
+        )
     }
 
     fn resolve(&self, source: &Source, span: Range<usize>) -> Result<ProbeSource, InputError> {
         let spans = [
             ("traced", self.traced.as_ref().map(Spanned::span)),
             ("captured", self.captured.as_ref().map(Spanned::span)),
+            ("relit", self.relit.as_ref().map(Spanned::span)),
         ];
         one_key(source, span, "probe source", spans)?;
         if let Some(traced) = &self.traced {
             let spp = traced.get_ref().spp.as_ref().map(|n| whole(source, n, "spp", 1..=1_000_000)).transpose()?;
             return Ok(ProbeSource::Traced { spp });
+        }
+        if let Some(relit) = &self.relit {
+            let relit = relit.get_ref();
+            let face = relit.face.as_ref().map(|n| whole(source, n, "face", 4..=4096)).transpose()?;
+            let iterations = whole(source, &relit.iterations, "iterations", 0..=100)?;
+            return Ok(ProbeSource::Relit { face, iterations });
         }
         let face = self.captured.as_ref().and_then(|captured| captured.get_ref().face.as_ref());
         Ok(ProbeSource::Captured { face: face.map(|n| whole(source, n, "face", 4..=4096)).transpose()? })
@@ -449,11 +480,11 @@ impl WordAxis for ProbeSource {
             _ => None,
         }
     }
+    fn needs_parameters(word: &str) -> Option<&'static str> {
+        (word == "relit").then_some("relit = { iterations = 3 }")
+    }
     fn define(table: &ProbeSourceFile, source: &Source, span: Range<usize>) -> Result<Self, InputError> {
         table.resolve(source, span)
-    }
-    fn is_available(&self) -> bool {
-        !matches!(self, ProbeSource::Captured { .. })
     }
 }
 
@@ -461,10 +492,11 @@ impl WordAxis for GradientSource {
     const AXIS: Axis = Axis::GradientSource;
     type Table = GradientSourceFile;
     fn words() -> Vec<&'static str> {
-        vec!["analytic"]
+        vec!["analytic", "semi_analytic"]
     }
+    /// The formula: that of each light, or from what rays and texels see. The source of the samples says which it is.
     fn word(word: &str) -> Option<Self> {
-        (word == "analytic").then_some(GradientSource::Analytic)
+        matches!(word, "analytic" | "semi_analytic").then_some(GradientSource::Analytic)
     }
     fn needs_parameters(word: &str) -> Option<&'static str> {
         (word == "central").then_some("central = { step = 0.01 }")

@@ -97,11 +97,7 @@ fn meaning(axis: Axis, draft: &Draft) -> Meaning {
         Axis::Transition => chosen_if(rig.is_some() && draft.probe_source == Some(ProbeSource::Analytic)),
         Axis::Interpolation => chosen_if(rig.is_some_and(|rig| rig.has_interpolation)),
         Axis::GradientSource if !rig.is_some_and(|rig| rig.asks_derivatives) => Meaning::None,
-        // rays bring their derivatives with them
-        Axis::GradientSource => match draft.probe_source {
-            Some(ProbeSource::Traced { .. }) => Meaning::Only("semi_analytic"),
-            _ => Meaning::Chosen,
-        },
+        Axis::GradientSource => Meaning::Chosen,
         Axis::Heuristic => chosen_if(rig.is_some_and(|rig| rig.heuristic.is_some())),
         Axis::Storage => {
             chosen_if(draft.backend == Some(Backend::Gpu) && rig.is_some_and(|rig| rig.filtered_by_hardware))
@@ -143,8 +139,8 @@ impl RigFacts {
 
     fn of_volume(volume: Volume, heuristic: Option<&str>) -> Self {
         Self {
-            has_interpolation: true,
-            interpolation: Some(volume.interpolation.key()),
+            has_interpolation: !volume.is_path(),
+            interpolation: Some(volume.interpolation.key()).filter(|_| !volume.is_path()),
             heuristic: heuristic.map(str::to_owned),
             filtered_by_hardware: volume.key() == "grid"
                 && volume.lookup == Lookup::PerPoint
@@ -360,7 +356,20 @@ impl<'s> Expansion<'s> {
                 Ok(drafts)
             }
             Axis::ProbeSource => each!(probe_source, ("analytic", ProbeSource::Analytic)),
-            Axis::GradientSource => each!(gradient_source, ("analytic", GradientSource::Analytic)),
+            Axis::GradientSource => {
+                // rays and texels bring their derivatives with them: their formula has a name of its own
+                let formula = match draft.probe_source {
+                    Some(ProbeSource::Analytic) | None => "analytic",
+                    Some(_) => "semi_analytic",
+                };
+                let mut drafts: Vec<Draft> = each!(gradient_source, (formula, GradientSource::Analytic))?;
+                for draft in drafts.iter_mut().filter(|d| d.gradient_source == Some(GradientSource::Analytic)) {
+                    draft.columns[axis.index()] = Some(formula.into());
+                }
+                let mut seen = std::collections::HashSet::new();
+                drafts.retain(|draft| seen.insert(draft.columns[axis.index()].clone()));
+                Ok(drafts)
+            }
             Axis::Window => each!(window, ("none", Window::None)),
             Axis::Transition => each!(transition, ("none", Transition::None)),
             Axis::Backend => each!(backend, ("cpu", Backend::Cpu)),

@@ -1,12 +1,14 @@
 //! Probe samples: the incident lighting at the places a rig asks for, as SH radiance coefficients with the derivatives asked for.
 
 mod analytic;
+mod captured;
 mod cube;
 mod gradient_source;
 mod prober;
 mod traced;
 
 pub use analytic::sample_lights;
+pub use captured::sample_captured;
 pub use cube::{Depths, FACES, Texel, depths, texels};
 pub use gradient_source::GradientSource;
 pub use prober::{Prober, Probes};

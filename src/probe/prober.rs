@@ -1,8 +1,11 @@
-use super::{GradientSource, SampleRequest, Sampled, sample_lights, sample_traced};
+use glam::DVec3;
+
+use super::{GradientSource, SampleRequest, Sampled, sample_captured, sample_lights, sample_traced};
 use crate::light::Light;
+use crate::math::Rgb;
 use crate::scene::OrientedBox;
-use crate::sh::Window;
-use crate::trace::{Counters, Effort, Transport};
+use crate::sh::{ShVectors, Window};
+use crate::trace::{Counters, Effort, Reflected, Transport};
 
 /// Where probe samples come from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,6 +14,11 @@ pub enum Probes {
     Analytic,
     /// Rays through the static environment, taken ahead of time.
     Traced { effort: Effort, seed: u64 },
+    /// Cube maps of the scene around the sample, `face` texels along an edge, `paths` paths a texel for what surfaces reflect.
+    Captured { face: u32, paths: u32, seed: u64 },
+    /// Cube maps of a scene that the volume of the iteration before lights (Nijasure et al. 2005); iteration 0 sees lights and emissive
+    /// surfaces alone. A rig has no iteration before: it stays there.
+    Relit { face: u32, iterations: u32, seed: u64 },
 }
 
 /// Takes probe samples in a box.
@@ -31,9 +39,26 @@ impl Prober<'_> {
     /// The samples that are asked for. Without a static environment every source is analytic: nothing blocks.
     pub fn take(&self, requests: &[SampleRequest]) -> (Sampled<f64>, Counters) {
         match (self.probes, self.transport) {
-            (Probes::Traced { effort, seed }, Some(transport)) => {
-                sample_traced(transport, &self.bounds, requests, self.order, seed, effort)
+            (Probes::Traced { effort, seed }, Some(transport)) => match self.gradients {
+                GradientSource::Analytic => sample_traced(transport, &self.bounds, requests, self.order, seed, effort),
+                GradientSource::Central { step } => differences(requests, step, |places, _| {
+                    sample_traced(transport, &self.bounds, places, self.order, seed, effort)
+                }),
+            },
+            (Probes::Captured { face, paths, seed }, Some(transport)) => {
+                let take = |places: &[SampleRequest], numbers_of: &[[f64; 3]]| {
+                    let paths = Reflected::Paths(paths);
+                    sample_captured(transport, &self.bounds, places, numbers_of, self.order, face as usize, paths, seed)
+                };
+                match self.gradients {
+                    GradientSource::Analytic => {
+                        let own: Vec<[f64; 3]> = requests.iter().map(|request| request.position).collect();
+                        take(requests, &own)
+                    }
+                    GradientSource::Central { step } => differences(requests, step, take),
+                }
             }
+            (Probes::Relit { .. }, Some(_)) => self.take_relit(requests, &|_, _| Rgb::zero()),
             _ => {
                 let lights: Vec<Light<f64>> =
                     self.lights.iter().map(|light| light.relative_to(self.bounds.center)).collect();
@@ -42,4 +67,58 @@ impl Prober<'_> {
             }
         }
     }
+}
+
+impl Prober<'_> {
+    /// Captures of a scene whose surfaces reflect this irradiance, by place and normal in world coordinates.
+    pub fn take_relit(
+        &self,
+        requests: &[SampleRequest],
+        irradiance: &(dyn Fn(DVec3, DVec3) -> Rgb<f64> + Sync),
+    ) -> (Sampled<f64>, Counters) {
+        let (Probes::Relit { face, seed, .. }, Some(transport)) = (self.probes, self.transport) else {
+            return self.take(requests);
+        };
+        let own: Vec<[f64; 3]> = requests.iter().map(|request| request.position).collect();
+        let from = Reflected::From(irradiance);
+        sample_captured(transport, &self.bounds, requests, &own, self.order, face as usize, from, seed)
+    }
+}
+
+/// Values where they are asked for and derivatives from two more samples an axis, (l(q + h) - l(q - h)) / 2h. `take` gets places without
+/// derivatives and the places whose random numbers they use: the requests' own, so that differences share their noise where a source can.
+fn differences(
+    requests: &[SampleRequest],
+    step: f64,
+    take: impl Fn(&[SampleRequest], &[[f64; 3]]) -> (Sampled<f64>, Counters),
+) -> (Sampled<f64>, Counters) {
+    let mut places = Vec::new();
+    let mut numbers_of = Vec::new();
+    for request in requests {
+        let mut add = |position| {
+            places.push(SampleRequest::value_at(position));
+            numbers_of.push(request.position);
+        };
+        add(request.position);
+        for axis in (0..3).filter(|axis| request.derivatives[*axis]) {
+            for side in [step, -step] {
+                let mut position = request.position;
+                position[axis] += side;
+                add(position);
+            }
+        }
+    }
+    let (sampled, counters) = take(&places, &numbers_of);
+    let mut vectors = ShVectors { order: sampled.vectors.order, data: Vec::new() };
+    let mut at = 0;
+    for request in requests {
+        vectors.data.extend_from_slice(sampled.vectors.vector(at));
+        at += 1;
+        for _ in 1..request.vectors() {
+            let (above, below) = (sampled.vectors.vector(at), sampled.vectors.vector(at + 1));
+            vectors.data.extend(above.iter().zip(below).map(|(a, b)| (a - b) / (2.0 * step)));
+            at += 2;
+        }
+    }
+    (Sampled { vectors, ..sampled }, counters)
 }

@@ -1,6 +1,7 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 
+use glam::DVec3;
 use serde_json::json;
 
 use crate::candidate::Recipe;
@@ -8,7 +9,7 @@ use crate::experiment::{Candidate, Key};
 use crate::light::Light;
 use crate::probe::Prober;
 use crate::trace::Transport;
-use crate::volume::{BakedVolume, bake};
+use crate::volume::{BakedVolume, Structure, bake_along};
 
 /// The volumes of a sweep, each baked once: numbers, times and images share them, and so do the candidates that read one differently
 /// or on another backend.
@@ -53,7 +54,17 @@ impl Bakery {
                         gradients: recipe.gradients,
                         window: recipe.window,
                     };
-                    bake(volume, &prober).map(Arc::new).map_err(|error| error.to_string())
+                    let tracks: Vec<DVec3> = match volume.structure {
+                        Structure::Path { samples } => candidate
+                            .scene
+                            .receivers
+                            .iter()
+                            .filter(|receiver| receiver.mesh.is_some())
+                            .flat_map(|receiver| (0..samples).map(|k| receiver.center_along(k, samples)))
+                            .collect(),
+                        _ => Vec::new(),
+                    };
+                    bake_along(volume, &prober, &tracks).map(Arc::new).map_err(|error| error.to_string())
                 });
                 self.baked.lock().expect("no holder panics").insert(key, made.clone());
                 made

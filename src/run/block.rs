@@ -265,7 +265,7 @@ impl Block {
         transport: Option<&Transport>,
         gpu: Option<&GpuBench>,
     ) -> Result<Vec<Box<dyn Lit>>, CandidateError> {
-        self.prepare_after(recipe, transport, gpu, &[])
+        self.prepare_after(recipe, transport, gpu, &[], 1)
     }
 
     /// The same, after frames in which the receivers' boxes were these.
@@ -275,6 +275,7 @@ impl Block {
         transport: Option<&Transport>,
         gpu: Option<&GpuBench>,
         before: &[Vec<OrientedBox>],
+        frames: usize,
     ) -> Result<Vec<Box<dyn Lit>>, CandidateError> {
         self.parts
             .iter()
@@ -284,7 +285,7 @@ impl Block {
                 match &recipe.volume {
                     Some(baked) => {
                         let before: Vec<OrientedBox> = before.iter().map(|boxes| boxes[index]).collect();
-                        let reading = Reading { mesh: part.mesh.as_ref(), before: &before };
+                        let reading = Reading { mesh: part.mesh.as_ref(), before: &before, object: index, frames };
                         prepare_volume(baked, recipe.arithmetic, &around, reading, gpu)
                     }
                     None => prepare(recipe, &around, gpu),
@@ -326,8 +327,9 @@ impl Film {
         let frozen = frozen.filter(|_| recipe.volume.is_none());
         let boxes: Vec<Vec<OrientedBox>> =
             self.frames.iter().map(|block| block.parts.iter().map(|part| part.bounds).collect()).collect();
-        let prepare =
-            |frame: usize| self.frames[frame].prepare_after(recipe, transports.get(frame), gpu, &boxes[..frame]);
+        let prepare = |frame: usize| {
+            self.frames[frame].prepare_after(recipe, transports.get(frame), gpu, &boxes[..frame], boxes.len())
+        };
         let frames = match frozen {
             Some(frame) => vec![prepare(frame)?],
             None => (0..self.frames.len()).map(prepare).collect::<Result<_, _>>()?,

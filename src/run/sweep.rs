@@ -169,6 +169,11 @@ pub(super) enum Step<'e> {
 /// Hears of every step, from any thread.
 pub(super) type Tell<'t> = &'t (dyn Fn(usize, Step) + Sync);
 
+/// Texels along the edge of a captured face where the experiment does not say.
+const FACE: u32 = 32;
+/// Paths a texel for what captured surfaces reflect.
+const CAPTURE_PATHS: u32 = 4;
+
 /// What makes the numbers of a candidate.
 pub fn recipe_of(candidate: &Candidate, seed: u64) -> Recipe {
     Recipe {
@@ -181,7 +186,13 @@ pub fn recipe_of(candidate: &Candidate, seed: u64) -> Recipe {
             Some(ProbeSource::Traced { spp }) => {
                 Probes::Traced { effort: spp.map_or(Effort::ACCURATE, |s| Effort::Samples(u64::from(s))), seed }
             }
-            _ => Probes::Analytic,
+            Some(ProbeSource::Captured { face }) => {
+                Probes::Captured { face: face.unwrap_or(FACE), paths: CAPTURE_PATHS, seed }
+            }
+            Some(ProbeSource::Relit { face, iterations }) => {
+                Probes::Relit { face: face.unwrap_or(FACE), iterations, seed }
+            }
+            Some(ProbeSource::Analytic) | None => Probes::Analytic,
         },
         lights: candidate.light_model,
         transition: match candidate.transition {

@@ -57,6 +57,16 @@ impl Receiver {
         OrientedBox::aligned(min, max).carried(&self.world_from_object(frame))
     }
 
+    /// The centre of its box at the k-th of `count` times that are spread evenly over the animation, the ends among them.
+    pub fn center_along(&self, k: usize, count: usize) -> DVec3 {
+        let mut transform = self.transform;
+        if let Some(path) = &self.path {
+            transform.translate = path.position(k, count);
+        }
+        let (min, max) = self.bounds;
+        transform.world_from_object().transform_point3(0.5 * (min + max))
+    }
+
     /// The mesh in world coordinates.
     pub fn world_mesh(&self, frame: usize) -> Option<Mesh> {
         self.mesh.as_ref().map(|mesh| mesh.transformed(&self.world_from_object(frame)))

@@ -4,6 +4,7 @@
 //! at surface points and SH radiance at points of space. Shading is f64, visibility f32 ([`Visibility`]). Every estimate carries
 //! its standard error, and its random numbers hang on seed, purpose and place alone, so that it is the same on any thread.
 
+mod capture;
 mod counters;
 mod effects;
 mod emitters;
@@ -15,6 +16,7 @@ mod sampler;
 mod transport;
 mod visibility;
 
+pub use capture::{Capture, CapturePlace, Reflected};
 pub use counters::{CastRay, Counters};
 pub use effects::{Bounces, Effects, EffectsChoice, SceneFacts};
 pub use estimate::{Effort, Estimate, Projected, Seed};

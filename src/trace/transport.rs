@@ -112,15 +112,22 @@ pub struct Sight {
 
 /// A surface that a ray met, in f64.
 #[derive(Clone, Copy)]
-struct Vertex {
-    position: DVec3,
-    distance: f64,
+pub(super) struct Vertex {
+    pub position: DVec3,
+    pub distance: f64,
     /// Towards where the ray came from.
-    normal: DVec3,
+    pub normal: DVec3,
     /// Whether the ray came from the front.
     front: bool,
     emitter_density: f64,
-    material: TracedMaterial,
+    pub material: TracedMaterial,
+}
+
+impl Vertex {
+    /// What it sends by itself.
+    pub fn emission(&self) -> Rgb<f64> {
+        if self.front { self.material.emission } else { Rgb::zero() }
+    }
 }
 
 /// What lights a place, apart from one another so that each is sampled as often as it needs.
@@ -167,6 +174,20 @@ impl<'a> Transport<'a> {
             None => LightChoice::default(),
         };
         Self { tracer, lights: drawn, surroundings, effects, choice }
+    }
+
+    /// The layout's lights but for constant ones.
+    pub(super) fn lights(&self) -> &[Light<f64>] {
+        &self.lights
+    }
+
+    pub(super) fn surroundings(&self) -> Rgb<f64> {
+        self.surroundings
+    }
+
+    /// How far before a light a shadow ray ends, metres.
+    pub(super) fn light_gap(&self, from: DVec3) -> f64 {
+        self.tracer.visibility.light_gap(from)
     }
 
     pub fn effects(&self) -> Effects {
@@ -249,7 +270,7 @@ impl<'a> Transport<'a> {
 
     /// A sample of a light of the layout as seen from `p`, with the distance within which it may be blocked.
     #[inline]
-    fn light_arrival(&self, index: usize, p: DVec3, u: [f64; 2], slopes: bool) -> Option<(Arrival, f64)> {
+    pub(super) fn light_arrival(&self, index: usize, p: DVec3, u: [f64; 2], slopes: bool) -> Option<(Arrival, f64)> {
         let light = &self.lights[index];
         let sample = light.sample(Vector3::of(p), u)?;
         let (direction, weight) = (sample.direction.to_double(), sample.weight);
@@ -307,7 +328,7 @@ impl<'a> Transport<'a> {
 
     /// Whether anything blocks a light at this distance; it may lie on a surface.
     #[inline]
-    fn blocked(&self, start: DVec3, direction: DVec3, distance: f64, observer: &mut impl Observer) -> bool {
+    pub(super) fn blocked(&self, start: DVec3, direction: DVec3, distance: f64, observer: &mut impl Observer) -> bool {
         let within = distance - self.tracer.visibility.light_gap(start);
         within > 0.0 && self.blocked_within(start, direction, within, observer)
     }
@@ -348,7 +369,7 @@ impl<'a> Transport<'a> {
 
     /// The first surface along a ray. Its place is where the ray meets the triangle's plane in f64.
     #[inline]
-    fn meet(&self, start: DVec3, direction: DVec3, observer: &mut impl Observer) -> Option<Vertex> {
+    pub(super) fn meet(&self, start: DVec3, direction: DVec3, observer: &mut impl Observer) -> Option<Vertex> {
         observer.counters().closest_rays += 1;
         observer.ray(CastRay { origin: start, direction, within: None });
         let Hit { leaf, distance } = self.tracer.visibility.closest(start, direction)?;
@@ -381,7 +402,12 @@ impl<'a> Transport<'a> {
     }
 
     /// Radiance that a surface reflects diffusely towards where it was seen from, either side, up to the bounces asked for.
-    fn reflected(&self, mut vertex: Vertex, sampler: &mut Sampler, observer: &mut impl Observer) -> Rgb<f64> {
+    pub(super) fn reflected(
+        &self,
+        mut vertex: Vertex,
+        sampler: &mut Sampler,
+        observer: &mut impl Observer,
+    ) -> Rgb<f64> {
         let most = self.effects.most_bounces();
         let mut sum = Rgb::zero();
         let mut throughput = vertex.material.albedo;

@@ -13,13 +13,14 @@ use super::forest::Forest;
 use super::heuristic::{Criterion, Evidence};
 use super::model::{Across, CellModel, VolumeModel};
 use super::overlap::triangle_overlaps_box;
-use crate::math::{Real, Vector3};
-use crate::probe::{Depths, Prober, SampleRequest, Texel, depths, texels};
+use crate::math::{Real, Rgb, Vector3};
+use crate::probe::{Depths, Prober, Probes, SampleRequest, Texel, depths, texels};
 use crate::rig::interpolation::Interpolation;
-use crate::rig::{AnyRig, AxisNames, Lattice, Rig, RigModel, ShVectors};
+use crate::rig::{AnyRig, AxisNames, Lattice, LocalPoints, Rig, RigModel, ShVectors};
 use crate::scene::OrientedBox;
 use crate::sh::{Lobe, coefficients, degree_of};
 use crate::trace::{Counters, Tracer};
+use crate::with_order;
 
 /// Texels along the edge of a face of the depth captures that heuristics look at.
 const DEPTH_FACE: usize = 12;
@@ -45,6 +46,8 @@ pub enum Layout {
     /// A lattice with so many samples along the axes.
     Grid([usize; 3]),
     Cells(Arc<Cells>),
+    /// So many samples along each moving object's path, object after object.
+    Path(usize),
 }
 
 /// What a bake took.
@@ -127,7 +130,13 @@ struct Baker<'a> {
 
 /// Takes the samples of a volume in the prober's box.
 pub fn bake(volume: &Volume, prober: &Prober) -> Result<BakedVolume, BakeError> {
+    bake_along(volume, prober, &[])
+}
+
+/// The same, where `tracks` are the world places of samples along paths, object after object.
+pub fn bake_along(volume: &Volume, prober: &Prober, tracks: &[DVec3]) -> Result<BakedVolume, BakeError> {
     let start = Instant::now();
+    let bounds = prober.bounds;
     if prober.bounds.half.iter().any(|half| !(*half > 0.0 && half.is_finite())) {
         return Err(BakeError::Bounds(format!("the volume's box is empty: half extents {:?}", prober.bounds.half)));
     }
@@ -152,11 +161,22 @@ pub fn bake(volume: &Volume, prober: &Prober) -> Result<BakedVolume, BakeError> 
             Layout::Cells(Arc::new(Cells::two_level(outer, *inner, half, |low, size| baker.holds_triangle(low, size))))
         }
         Structure::Octree { .. } => Layout::Cells(Arc::new(baker.octree()?)),
+        Structure::Path { samples } => Layout::Path(*samples),
     };
     let mut baked = match layout {
         Layout::Grid(samples) => baker.grid(samples)?,
         Layout::Cells(cells) => baker.cells(cells)?,
+        Layout::Path(samples) => {
+            let places: Vec<[f64; 3]> = tracks.iter().map(|place| bounds.local(*place).to_array()).collect();
+            let taken = baker.sample(&places, 0)?;
+            baker.finish(Layout::Path(samples), places, taken.iter())
+        }
     };
+    if let Probes::Relit { iterations, .. } = prober.probes {
+        for _ in 0..iterations {
+            baker.relight(&mut baked);
+        }
+    }
     if let Some(tracer) = baker.tracer {
         baked.find_inside(tracer);
         if volume.repair {
@@ -236,6 +256,36 @@ impl Baker<'_> {
         let taken: Vec<&Taken> = cells.places.iter().map(|place| &self.taken[place]).collect();
         let baked = self.finish(Layout::Cells(cells.clone()), places, taken.into_iter());
         Ok(baked)
+    }
+
+    /// Takes every kept sample again in the scene as the volume lights it.
+    fn relight(&mut self, baked: &mut BakedVolume) {
+        let derivatives = [baked.slopes.is_some(); 3];
+        let requests: Vec<SampleRequest> =
+            baked.places.iter().map(|position| SampleRequest { position: *position, derivatives }).collect();
+        let model = baked.model::<f64>();
+        let vectors = baked.vectors().convolved(Lobe::<f64>::lambert().bands());
+        let bounds = baked.bounds;
+        let irradiance = |place: DVec3, normal: DVec3| {
+            let mut points = LocalPoints::<f64>::default();
+            points.push(bounds.local(place), normal);
+            let mut out = [Rgb::zero()];
+            with_order!(vectors.order, C => crate::rig::plain_irradiance::<f64, _, C>(&model, &vectors, &points, &mut out));
+            // ringing may make it negative, which no surface reflects
+            Rgb::from_array(out[0].to_array().map(|e| e.max(0.0)))
+        };
+        let (sampled, rays) = self.prober.take_relit(&requests, &irradiance);
+        self.counts.taken += requests.len() as u64;
+        self.counts.projections += sampled.projections;
+        self.counts.rays += rays;
+        let stride = sampled.vectors.stride();
+        let per = requests.first().map_or(1, SampleRequest::vectors);
+        for (index, data) in sampled.vectors.data.chunks_exact(stride * per).enumerate() {
+            baked.values.data[index * stride..(index + 1) * stride].copy_from_slice(&data[..stride]);
+            if let Some(slopes) = &mut baked.slopes {
+                slopes.data[3 * index * stride..3 * (index + 1) * stride].copy_from_slice(&data[stride..]);
+            }
+        }
     }
 
     fn finish<'t>(
@@ -554,6 +604,10 @@ impl BakedVolume {
     pub fn edges(&self) -> Vec<[u32; 2]> {
         match &self.layout {
             Layout::Cells(cells) => cells.edges(),
+            Layout::Path(samples) => {
+                let follows = |i: &u32| *i as usize % samples != 0;
+                (1..self.places.len() as u32).filter(follows).map(|i| [i - 1, i]).collect()
+            }
             Layout::Grid(samples) => {
                 let steps = [1, samples[0], samples[0] * samples[1]];
                 let mut edges = Vec::new();
@@ -577,6 +631,7 @@ impl BakedVolume {
                 .iter()
                 .map(|cell| [cells.position(cell.low), cells.position(cell.low.map(|u| u + cell.size))])
                 .collect(),
+            Layout::Path(_) => Vec::new(),
             Layout::Grid(samples) => {
                 let half = self.bounds.half;
                 let counts = samples.map(|n| n.saturating_sub(1).max(1));
@@ -602,7 +657,7 @@ impl BakedVolume {
     /// Bytes at four a float, the structure's own included.
     pub fn bytes(&self) -> u64 {
         let structure = match &self.layout {
-            Layout::Grid(_) => 0,
+            Layout::Grid(_) | Layout::Path(_) => 0,
             Layout::Cells(cells) => cells.bytes() as u64,
         };
         4 * self.floats() + structure
@@ -623,7 +678,7 @@ impl BakedVolume {
                 axes: AxisNames::Xyz,
                 interpolation: self.volume.interpolation,
             })),
-            Layout::Cells(_) => None,
+            Layout::Cells(_) | Layout::Path(_) => None,
         }
     }
 
@@ -634,7 +689,7 @@ impl BakedVolume {
                 VolumeModel::Cells(CellModel::new(cells.clone(), self.volume.interpolation, self.across()))
             }
             (_, Some(lattice)) => VolumeModel::Grid(lattice.model(self.bounds.half)),
-            _ => unreachable!("a grid is a lattice"),
+            _ => unreachable!("a path has no weights in space"),
         }
     }
 
@@ -674,6 +729,22 @@ impl BakedVolume {
         }
         let [x, y, z] = slopes;
         [value, x, y, z]
+    }
+
+    /// The radiance vector on a track at a time from 0 to 1, and its derivatives along the world's axes, straight between samples.
+    pub fn along_path(&self, track: usize, time: f64) -> [Vec<f64>; 4] {
+        let Layout::Path(samples) = self.layout else { panic!("{:?} has no tracks", self.volume.key()) };
+        let s = time.clamp(0.0, 1.0) * (samples - 1) as f64;
+        let lower = (s as usize).min(samples.saturating_sub(2));
+        let t = s - lower as f64;
+        let between = |vectors: &ShVectors<f64>, first: usize, step: usize| -> Vec<f64> {
+            let upper = if samples > 1 { first + step } else { first };
+            vectors.vector(first).iter().zip(vectors.vector(upper)).map(|(a, b)| a + t * (b - a)).collect()
+        };
+        let first = track * samples + lower;
+        let slopes = self.slopes.as_ref().expect("paths keep derivatives");
+        let slope = |axis: usize| between(slopes, 3 * first + axis, 3);
+        [between(&self.values, first, 1), slope(0), slope(1), slope(2)]
     }
 
     /// Without the samples.
@@ -737,7 +808,7 @@ impl BakedVolume {
             Layout::Cells(cells) => {
                 Some(CellModel::<f64>::new(cells.clone(), self.volume.interpolation, Across::Naive))
             }
-            Layout::Grid(_) => None,
+            Layout::Grid(_) | Layout::Path(_) => None,
         };
         let bounds = self.bounds;
         move |world| {

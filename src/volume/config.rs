@@ -26,6 +26,8 @@ const MOST_LEVEL: u32 = 12;
 pub enum Bounds {
     /// A receiver of the scene by name, as it stands in the first frame.
     Receiver(String),
+    /// Wherever the scene's moving objects go.
+    Paths,
     /// World coordinates.
     Box { min: [f64; 3], max: [f64; 3] },
 }
@@ -35,6 +37,7 @@ impl Bounds {
     pub fn resolve(&self, scene: &Scene) -> Result<OrientedBox, String> {
         let found = match self {
             Bounds::Box { min, max } => OrientedBox::aligned(DVec3::from_array(*min), DVec3::from_array(*max)),
+            Bounds::Paths => OrientedBox::aligned(DVec3::NEG_ONE, DVec3::ONE),
             Bounds::Receiver(name) => match scene.receivers.iter().find(|receiver| receiver.name == *name) {
                 Some(receiver) => receiver.oriented_box(0),
                 None => {
@@ -73,6 +76,8 @@ pub enum Structure {
         /// Children that differ less from their parent are undone afterwards.
         cull: Option<f64>,
     },
+    /// Samples along the path of every object, spread evenly over its time; read by time, not by place.
+    Path { samples: usize },
 }
 
 /// How a moving object reads a volume.
@@ -110,7 +115,13 @@ impl Volume {
             Structure::Grid { .. } => "grid",
             Structure::TwoLevel { .. } => "two_level",
             Structure::Octree { .. } => "octree",
+            Structure::Path { .. } => "path",
         }
+    }
+
+    /// Whether it is read by time.
+    pub fn is_path(&self) -> bool {
+        matches!(self.structure, Structure::Path { .. })
     }
 
     pub fn heuristic(&self) -> Option<&Heuristic> {
@@ -122,7 +133,7 @@ impl Volume {
 
     /// Whether kept samples have derivatives.
     pub fn keeps_derivatives(&self) -> bool {
-        self.interpolation.uses_derivatives() || self.lookup == Lookup::PerObject
+        self.interpolation.uses_derivatives() || self.lookup == Lookup::PerObject || self.is_path()
     }
 
     /// Whether taken samples have them.
@@ -226,6 +237,14 @@ pub struct VolumeFile {
     grid: Option<Spanned<GridFile>>,
     two_level: Option<Spanned<TwoLevelFile>>,
     octree: Option<Spanned<OctreeFile>>,
+    path: Option<Spanned<PathFile>>,
+}
+
+/// Samples along the paths of objects.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PathFile {
+    samples: Spanned<i64>,
 }
 
 /// What an experiment puts in the place of what a volume's table says, and what names in the table stand for.
@@ -239,7 +258,7 @@ pub struct VolumeSetting<'s> {
 
 impl VolumeFile {
     /// The keys of volumes.
-    pub const KEYS: [&'static str; 3] = ["grid", "two_level", "octree"];
+    pub const KEYS: [&'static str; 4] = ["grid", "two_level", "octree", "path"];
 
     /// The keys, each with the JSON schema of its table.
     pub fn schemas() -> Vec<(&'static str, Value)> {
@@ -278,6 +297,7 @@ impl VolumeFile {
                     optional("cull", above(0.0)),
                 ])),
             ),
+            ("path", table([required("samples", whole(1, 4096))])),
         ]
     }
 
@@ -293,6 +313,7 @@ impl VolumeFile {
             ("grid", self.grid.as_ref().map(Spanned::span)),
             ("two_level", self.two_level.as_ref().map(Spanned::span)),
             ("octree", self.octree.as_ref().map(Spanned::span)),
+            ("path", self.path.as_ref().map(Spanned::span)),
         ]
         .into_iter()
         .filter_map(|(key, span)| span.map(|span| (key, span)))
@@ -300,6 +321,18 @@ impl VolumeFile {
         if let [(first, _), (second, place), ..] = given.as_slice() {
             let message = format!("`{first}` and `{second}` in one rig; a rig has one key");
             return Err(source.error(place.clone(), message));
+        }
+        if let Some(path) = &self.path {
+            let samples = whole(source, &path.get_ref().samples, "samples", 1, 4096)? as usize;
+            return Ok(Volume {
+                bounds: Bounds::Paths,
+                structure: Structure::Path { samples },
+                interpolation: Interpolation::named("trilinear", 1.0).expect("a word of the list"),
+                lookup: Lookup::PerObject,
+                smoothing: 1.0,
+                repair: false,
+                budget: MOST_BUDGET,
+            });
         }
         if let Some(grid) = &self.grid {
             let grid = grid.get_ref();

@@ -14,7 +14,7 @@ mod heuristic;
 mod model;
 mod overlap;
 
-pub use bake::{BakeCounts, BakeError, BakedVolume, FaceJump, Layout, bake, rms_over_normals};
+pub use bake::{BakeCounts, BakeError, BakedVolume, FaceJump, Layout, bake, bake_along, rms_over_normals};
 pub use cells::{Cell, Cells, Face, LEAF, Locator, NONE, Place};
 pub use config::{Bounds, Lookup, Structure, Volume, VolumeFile, VolumeSetting};
 pub use heuristic::{Criterion, Evidence, Heuristic, HeuristicFile};

@@ -15,7 +15,7 @@ use super::{Exit, Failure, print};
 use crate::candidate::{FittedRig, RigStage, local_points};
 use crate::light::{self, Light, LightModel};
 use crate::math::{Real, Rgb, Stream, StreamPurpose, Vector3};
-use crate::probe::GradientSource;
+use crate::probe::{GradientSource, Probes};
 use crate::reference;
 use crate::rig::AnyRig;
 use crate::scene::{Layout, OrientedBox, Receiver, Scene, SurfacePoint, resolve_layout, resolve_scene};
@@ -347,7 +347,7 @@ fn rig_values<T: Real>(
         .map(|k| {
             let seed = Stream::indexed(lighting.seed, StreamPurpose::Probe, k).next_u64();
             let mut stage = stage.clone();
-            stage.bake(&transport, seed, effort);
+            stage.bake(&transport, Probes::Traced { effort, seed });
             read(&stage.fit())
         })
         .collect::<Result<Vec<Values>, Failure>>()?;
