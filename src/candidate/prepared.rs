@@ -3,7 +3,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use super::transition::{FarField, Transition, direct_shares};
-use super::volume::{CpuVolume, Reading};
+use super::volume::{CpuVolume, GpuVolume, Reading};
 use super::{FittedRig, RigStage, direct, local_points, modelled};
 use crate::cost::{Samples, seconds_of};
 use crate::gpu::{
@@ -118,20 +118,20 @@ impl Counts {
 
 /// A rig's pipeline on the GPU.
 #[derive(Clone)]
-enum Pipeline {
+pub(super) enum Pipeline {
     Buffer(Evaluator),
     Texture(VolumeEvaluator),
 }
 
 impl Pipeline {
-    fn evaluate(&self, vectors: &ShVectors<f32>, points: &LocalPoints<f32>) -> Result<Vec<Rgb<f32>>, GpuError> {
+    pub fn evaluate(&self, vectors: &ShVectors<f32>, points: &LocalPoints<f32>) -> Result<Vec<Rgb<f32>>, GpuError> {
         match self {
             Pipeline::Buffer(evaluator) => evaluator.evaluate(vectors, points),
             Pipeline::Texture(evaluator) => evaluator.evaluate(vectors, points),
         }
     }
 
-    fn prepare(
+    pub fn prepare(
         &self,
         vectors: &ShVectors<f32>,
         points: &LocalPoints<f32>,
@@ -143,14 +143,14 @@ impl Pipeline {
         }
     }
 
-    fn parameter_bytes(&self, vectors: &ShVectors<f32>) -> u64 {
+    pub fn parameter_bytes(&self, vectors: &ShVectors<f32>) -> u64 {
         match self {
             Pipeline::Buffer(_) => Evaluator::parameter_bytes(vectors),
             Pipeline::Texture(evaluator) => evaluator.shape().bytes(),
         }
     }
 
-    fn once(&self) -> Duration {
+    pub fn once(&self) -> Duration {
         match self {
             Pipeline::Buffer(evaluator) => evaluator.once(),
             Pipeline::Texture(evaluator) => evaluator.once(),
@@ -174,7 +174,13 @@ impl GpuBench {
         Self { gpu, pipelines: Arc::default(), directs: Arc::default() }
     }
 
-    fn pipeline(&self, rig: &AnyRig, half: [f64; 3], order: usize, texture: bool) -> Result<Pipeline, CandidateError> {
+    pub(super) fn pipeline(
+        &self,
+        rig: &AnyRig,
+        half: [f64; 3],
+        order: usize,
+        texture: bool,
+    ) -> Result<Pipeline, CandidateError> {
         let shape = match texture {
             false => None,
             true => match VolumeShape::of_rig(rig, half, order, VOLUME_FORMAT) {
@@ -215,7 +221,9 @@ pub enum CandidateError {
     NoGpu,
     #[error("this rig `{0}` has no volume texture; a trilinear lattice has")]
     NoTexture(&'static str),
-    #[error("a volume of the kind `{0}` is not evaluated on the GPU in this version")]
+    #[error(
+        "this `{0}` has no GPU evaluation: grids have, objects that read once have, and octrees with a continuous interpolation"
+    )]
     NoGpuVolume(&'static str),
     #[error(
         "the light model `{word}` of a {shape} knows the clamped cosine alone, and the receiver's material has a wrap"
@@ -257,11 +265,14 @@ pub fn prepare_volume(
     reading: Reading,
     gpu: Option<&GpuBench>,
 ) -> Result<Box<dyn Lit>, CandidateError> {
-    let _ = gpu;
     Ok(match arithmetic {
         Arithmetic::CpuF64 => Box::new(CpuVolume::<f64>::new(baked.clone(), around.bounds, around.wrap, reading)),
         Arithmetic::CpuF32 => Box::new(CpuVolume::<f32>::new(baked.clone(), around.bounds, around.wrap, reading)),
-        Arithmetic::GpuBuffer | Arithmetic::GpuTexture => return Err(CandidateError::NoGpuVolume(baked.volume.key())),
+        Arithmetic::GpuBuffer | Arithmetic::GpuTexture => {
+            let bench = gpu.ok_or(CandidateError::NoGpu)?;
+            let texture = arithmetic == Arithmetic::GpuTexture;
+            Box::new(GpuVolume::new(baked.clone(), around, reading, bench, texture)?)
+        }
     })
 }
 
@@ -726,11 +737,11 @@ impl Timed for TimedNearAndFar<'_> {
 const NO_TIME_RETRIES: usize = 20;
 
 /// Anything evaluated on the GPU: a frame's set-up is what the CPU does first (a rig's fit) and the upload.
-struct TimedGpu<'a> {
-    fit: Box<dyn Fn() + 'a>,
-    prepared: PreparedEvaluation,
-    samples: Vec<Sample>,
-    once: Duration,
+pub(super) struct TimedGpu<'a> {
+    pub fit: Box<dyn Fn() + 'a>,
+    pub prepared: PreparedEvaluation,
+    pub samples: Vec<Sample>,
+    pub once: Duration,
 }
 
 impl Timed for TimedGpu<'_> {

@@ -3,13 +3,16 @@
 use std::sync::Arc;
 
 use super::local_points;
-use super::prepared::{CandidateError, Counts, CpuTimes, Lit, Timed, rounds};
+use super::prepared::{
+    CandidateError, Counts, CpuTimes, GpuBench, Lit, Pipeline, Surroundings, Timed, TimedGpu, rounds,
+};
 use crate::cost::{Samples, seconds_of};
+use crate::gpu::{Evaluator, PreparedEvaluation};
 use crate::math::{Real, Rgb, Vector3};
 use crate::rig::{AnyRig, Gradient, LocalPoints, Model, Rig, RigModel, ShVectors};
 use crate::scene::{Mesh, OrientedBox, SurfacePoint};
-use crate::sh::Lobe;
-use crate::volume::{BakedVolume, Lookup, VolumeModel};
+use crate::sh::{Lobe, coefficients};
+use crate::volume::{BakedVolume, CellShader, Lookup, VolumeModel};
 use crate::with_order;
 
 /// What of a moving receiver a volume's lookup may need.
@@ -265,5 +268,104 @@ impl<T: Real> Timed for TimedVolume<'_, T> {
     /// The bake.
     fn once(&self) -> Option<f64> {
         Some(self.volume.baked.counts.seconds)
+    }
+}
+
+/// How the GPU reads a volume.
+enum GpuRead {
+    /// A rig's pipeline: a grid is a lattice over the volume's box, what an object reads once a gradient rig over its own.
+    Rig { pipeline: Pipeline, vectors: ShVectors<f32>, bounds: OrientedBox },
+    /// Cells: the tree stands behind the vectors.
+    Cells { evaluator: Evaluator, shader: CellShader, vectors: ShVectors<f32> },
+}
+
+/// A volume that the GPU evaluates.
+pub(super) struct GpuVolume {
+    baked: Arc<BakedVolume>,
+    read: GpuRead,
+}
+
+impl GpuVolume {
+    pub fn new(
+        baked: Arc<BakedVolume>,
+        around: &Surroundings,
+        reading: Reading,
+        bench: &GpuBench,
+        texture: bool,
+    ) -> Result<Self, CandidateError> {
+        let lobe = Lobe::<f32>::new(around.wrap);
+        let order = baked.values.order;
+        let boxes: Vec<OrientedBox> = reading.before.iter().copied().chain([around.bounds]).collect();
+        let read = match (baked.volume.lookup, baked.lattice()) {
+            (Lookup::PerObject, _) => {
+                let time = reading.before.len() as f64 / reading.frames.saturating_sub(1).max(1) as f64;
+                let vectors = object_vectors(&baked, &boxes, (reading.object, time));
+                GpuRead::Rig {
+                    pipeline: bench.pipeline(&AnyRig::Gradient(Gradient {}), around.bounds.half, order, false)?,
+                    vectors: vectors.rounded::<f32>().convolved(lobe.bands()),
+                    bounds: around.bounds,
+                }
+            }
+            (Lookup::PerPoint, Some(lattice)) => GpuRead::Rig {
+                pipeline: bench.pipeline(&lattice, baked.bounds.half, order, texture)?,
+                vectors: baked.vectors().rounded::<f32>().convolved(lobe.bands()),
+                bounds: baked.bounds,
+            },
+            (Lookup::PerPoint, None) => {
+                let vectors = baked.vectors().rounded::<f32>().convolved(lobe.bands());
+                let shader = baked
+                    .cell_shader(vectors.count() * coefficients(order))
+                    .ok_or(CandidateError::NoGpuVolume(baked.volume.key()))?;
+                GpuRead::Cells { evaluator: Evaluator::new(&bench.gpu, &shader.wgsl, order)?, shader, vectors }
+            }
+            (Lookup::PerVertex, _) => return Err(CandidateError::NoGpuVolume("per_vertex")),
+        };
+        Ok(Self { baked, read })
+    }
+
+    fn prepared(&self, points: &[SurfacePoint], total: usize) -> Result<PreparedEvaluation, CandidateError> {
+        Ok(match &self.read {
+            GpuRead::Rig { pipeline, vectors, bounds } => {
+                pipeline.prepare(vectors, &local_points(bounds, points), total)?
+            }
+            GpuRead::Cells { evaluator, shader, vectors } => {
+                let local = local_points(&self.baked.bounds, points);
+                evaluator.prepare_behind(vectors, &shader.rows, &local, total)?
+            }
+        })
+    }
+}
+
+impl Lit for GpuVolume {
+    fn irradiance(&self, points: &[SurfacePoint]) -> Result<Vec<Rgb<f64>>, CandidateError> {
+        let values = match &self.read {
+            GpuRead::Rig { pipeline, vectors, bounds } => pipeline.evaluate(vectors, &local_points(bounds, points))?,
+            GpuRead::Cells { .. } => self.prepared(points, points.len())?.evaluate()?,
+        };
+        Ok(values.iter().map(|e| e.to_double()).collect())
+    }
+
+    fn counts(&self) -> Counts {
+        let bytes = match &self.read {
+            GpuRead::Rig { pipeline, vectors, .. } => pipeline.parameter_bytes(vectors),
+            GpuRead::Cells { shader, vectors, .. } => {
+                Evaluator::parameter_bytes(vectors) + 16 * shader.rows.len() as u64
+            }
+        };
+        volume_counts(&self.baked, bytes)
+    }
+
+    fn timed<'a>(&'a self, points: &[SurfacePoint], total: usize) -> Result<Box<dyn Timed + 'a>, CandidateError> {
+        let once = match &self.read {
+            GpuRead::Rig { pipeline, .. } => pipeline.once(),
+            GpuRead::Cells { evaluator, .. } => evaluator.once(),
+        };
+        let once = once + std::time::Duration::from_secs_f64(self.baked.counts.seconds);
+        Ok(Box::new(TimedGpu {
+            fit: Box::new(|| ()),
+            prepared: self.prepared(points, total)?,
+            samples: Vec::new(),
+            once,
+        }))
     }
 }

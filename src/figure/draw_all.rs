@@ -14,6 +14,7 @@ use super::heat_map::{ColumnGroup, HeatMap};
 use super::latex::latex;
 use super::near_far;
 use super::scale::{Format, Scale};
+use super::sections::{SectionPanel, Sections};
 use super::split::{Split, SplitPanel, SplitRow};
 use super::statistics::{mean_interval, ranks, wilson};
 use super::study;
@@ -117,6 +118,9 @@ fn draw(table: &Table, folder: &Path, target: &Path) -> io::Result<Vec<String>> 
             let title = format!("{}, {}: lights near by evaluated directly", same.key[0], same.key[1]);
             near_far::figure(&same.rows, title, case_line(&same))
         });
+        let parts = ["volumes", group.key[0], group.key[1], group.key[2], &adapter];
+        let same = group.clone();
+        jobs.add(&parts, move || volume_sections(&same, folder));
         let parts = ["frames", group.key[0], group.key[1], group.key[2], &adapter];
         let key = group.key.clone();
         jobs.add(&parts, move || against_frame(table, &key));
@@ -562,6 +566,45 @@ fn win_figure(group: &Group) -> Option<Figure> {
         }
         .figure(),
     )
+}
+
+/// Most volumes of a figure of sections.
+const SECTIONS: usize = 12;
+
+/// Cells and samples of the volumes of a case, from the cuts that a run left in DIR/volumes.
+fn volume_sections(group: &Group, folder: &Path) -> Option<Figure> {
+    let varying = varying_axes(&group.rows);
+    let mut panels: Vec<(f64, SectionPanel)> = Vec::new();
+    for row in group.rows.iter().filter(|row| !row.text("run").is_empty()) {
+        let path = folder.join("volumes").join(format!("{}.csv", row.text("run")));
+        let Ok(cut) = Table::read(&path) else { continue };
+        let items: Vec<(String, [f64; 4])> = cut
+            .rows()
+            .filter_map(|r| {
+                let [a, b, c, d] = ["u0", "v0", "u1", "v1"].map(|column| r.number(column));
+                Some((r.text("kind").to_owned(), [a?, b?, c?, d?]))
+            })
+            .collect();
+        // the same samples read differently are one picture
+        if items.is_empty() || panels.iter().any(|(_, other)| other.items == items) {
+            continue;
+        }
+        let samples = row.number("samples").unwrap_or(0.0);
+        let error = row.number("nrmse").map_or(String::new(), |e| format!(", nRMSE {}", Format::Percent.write(e)));
+        let says = format!("{samples} samples{error}");
+        panels
+            .push((samples, SectionPanel { name: name(row, &varying), run: row.text("run").to_owned(), says, items }));
+    }
+    panels.sort_by(|a, b| a.0.total_cmp(&b.0));
+    panels.truncate(SECTIONS);
+    (!panels.is_empty()).then(|| {
+        Sections {
+            title: format!("{}, {}: cells and samples", group.key[0], group.key[1]),
+            subtitle: format!("{} · cut at half height, seen from above", case_line(group)),
+            panels: panels.into_iter().map(|(_, panel)| panel).collect(),
+        }
+        .figure()
+    })
 }
 
 /// Most candidates of a contact sheet.

@@ -18,6 +18,7 @@ mod near_far;
 pub mod panel;
 mod raster;
 pub mod scale;
+pub mod sections;
 pub mod split;
 pub mod statistics;
 mod study;

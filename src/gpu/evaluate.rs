@@ -53,12 +53,24 @@ impl Evaluator {
         points: &LocalPoints<f32>,
         total: usize,
     ) -> Result<PreparedEvaluation, GpuError> {
+        self.prepare_behind(vectors, &[], points, total)
+    }
+
+    /// The same with more rows behind those of the vectors, for a model that reads them.
+    pub fn prepare_behind(
+        &self,
+        vectors: &ShVectors<f32>,
+        behind: &[[f32; 4]],
+        points: &LocalPoints<f32>,
+        total: usize,
+    ) -> Result<PreparedEvaluation, GpuError> {
+        let whole = [rows(vectors), bytemuck::cast_slice(behind).to_vec()].concat();
         assert_eq!(vectors.order, self.order, "vectors of another order than the evaluator's");
-        let buffer = self
-            .gpu
-            .checked("uploading SH vectors", || self.gpu.storage("the buffer of SH vectors", &rows(vectors)))?;
+        let buffer =
+            self.gpu.checked("uploading SH vectors", || self.gpu.storage("the buffer of SH vectors", &whole))?;
         let bound = self.pass.bind(points, total, &[buffer.as_entire_binding()])?;
-        let (gpu, vectors, bytes) = (self.gpu.clone(), vectors.clone(), buffer.size());
+        let (gpu, bytes) = (self.gpu.clone(), buffer.size());
+        let vectors = vectors.clone();
         let upload = Box::new(move || gpu.queue.write_buffer(&buffer, 0, &rows(&vectors)));
         Ok(PreparedEvaluation { gpu: self.gpu.clone(), bound, upload, parameter_bytes: bytes })
     }

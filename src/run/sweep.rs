@@ -14,7 +14,7 @@ use super::crew::{Crew, CrewOptions};
 use super::progress::Progress;
 use super::slurm::SlurmOptions;
 use super::timing::{Times, time_block};
-use super::{ArrayCache, Claim, Reason, Record, Store, StoreError, interrupt};
+use super::{ArrayCache, Claim, Reason, Record, Store, StoreError, interrupt, write_atomic};
 use crate::candidate::{Arithmetic, GpuBench, Probes, Recipe};
 use crate::cost::pareto::front;
 use crate::cost::processor_name;
@@ -168,6 +168,9 @@ pub(super) enum Step<'e> {
 
 /// Hears of every step, from any thread.
 pub(super) type Tell<'t> = &'t (dyn Fn(usize, Step) + Sync);
+
+/// The folder of cuts through volumes, one a run.
+const SECTIONS: &str = "volumes";
 
 /// Texels along the edge of a captured face where the experiment does not say.
 const FACE: u32 = 32;
@@ -583,6 +586,7 @@ fn compute(
     let judged = catch_unwind(AssertUnwindSafe(|| judge(run, recipe, stage, film, bench)));
     match judged {
         Ok(Ok(findings)) => {
+            keep_section(run, recipe, stage, store)?;
             for (metric, why) in &findings.pooled.reasons {
                 writer.log(&format!("{metric}: {why}"))?;
             }
@@ -604,6 +608,17 @@ fn compute(
             Ok(Ending::Failed(why))
         }
     }
+}
+
+/// Keeps a cut through a run's volume and the scene around it, from above, for the debug picture.
+fn keep_section(run: &Run, recipe: &Result<Recipe, String>, stage: &Stage, store: &Store) -> Result<(), StoreError> {
+    let Some(baked) = recipe.as_ref().ok().and_then(|recipe| recipe.volume.as_ref()) else { return Ok(()) };
+    if baked.volume.is_path() {
+        return Ok(());
+    }
+    let text = baked.section(1, stage.tracer.triangles()).to_csv();
+    let path = store.root().join(SECTIONS).join(format!("{}.csv", run.identity.key().run()));
+    write_atomic(&path, text.as_bytes())
 }
 
 fn judge(

@@ -13,6 +13,8 @@ mod forest;
 mod heuristic;
 mod model;
 mod overlap;
+mod section;
+mod shader;
 
 pub use bake::{BakeCounts, BakeError, BakedVolume, FaceJump, Layout, bake, bake_along, rms_over_normals};
 pub use cells::{Cell, Cells, Face, LEAF, Locator, NONE, Place};
@@ -20,3 +22,5 @@ pub use config::{Bounds, Lookup, Structure, Volume, VolumeFile, VolumeSetting};
 pub use heuristic::{Criterion, Evidence, Heuristic, HeuristicFile};
 pub use model::{Across, CellModel, VolumeModel, can_be_continuous};
 pub use overlap::{distance_to_triangle, triangle_overlaps_box};
+pub use section::Section;
+pub use shader::CellShader;

@@ -101,3 +101,60 @@ fn only_trilinear_lattices_have_textures() {
         assert!(textures >= 4, "{textures}");
     });
 }
+
+#[test]
+fn volumes_on_the_gpu_are_those_of_the_cpu() {
+    use rigbench::probe::Prober;
+    use rigbench::volume::{Volume, bake};
+    on_gpu("volumes_on_the_gpu_are_those_of_the_cpu", |gpu| {
+        let bench = GpuBench::new(gpu.clone());
+        let lights = lights();
+        let prober = Prober {
+            bounds: bounds(),
+            order: 3,
+            lights: &lights,
+            transport: None,
+            probes: Probes::Analytic,
+            gradients: GradientSource::Analytic,
+            window: Window::None,
+        };
+        let around = Surroundings { bounds: bounds(), lights: &lights, wrap: 0.0, transport: None };
+        let octree = |rest: &str| {
+            format!("octree = {{ bounds = \"room\", min_level = 0, max_level = 4, heuristic = \"error\", {rest} }}")
+        };
+        let tables = [
+            "grid = { bounds = \"room\", samples = [4, 3, 5], interpolation = \"half_gradient\" }".to_owned(),
+            "grid = { bounds = \"room\", samples = [4, 3, 5], lookup = \"per_object\" }".to_owned(),
+            octree("interpolation = \"trilinear\", across = \"naive\""),
+            octree("interpolation = \"trilinear\""),
+            octree("interpolation = \"gradient_corrected\", roots = [2, 1, 1]"),
+            octree("interpolation = \"half_gradient\""),
+            octree("interpolation = \"tricubic\""),
+        ];
+        for table in &tables {
+            let baked = std::sync::Arc::new(bake(&Volume::inline(table).unwrap(), &prober).unwrap());
+            let with = |arithmetic: Arithmetic| {
+                let recipe = Recipe {
+                    volume: Some(baked.clone()),
+                    rig: None,
+                    order: 3,
+                    gradients: GradientSource::Analytic,
+                    window: Window::None,
+                    probes: Probes::Analytic,
+                    arithmetic,
+                };
+                prepare(&recipe, &around, Some(&bench))
+                    .map_err(|e| e.to_string())?
+                    .irradiance(&points())
+                    .map_err(|e| e.to_string())
+            };
+            let (cpu, device) = (with(Arithmetic::CpuF32).unwrap(), with(Arithmetic::GpuBuffer).unwrap());
+            // weights differ by roundings of coordinates within a cell, a few hundred-thousandths of its values
+            let off = difference(&device, &cpu);
+            assert!(off < 5e-5, "{table}: {off:e}");
+            if table.starts_with("grid") {
+                assert_eq!(with(Arithmetic::GpuTexture).is_ok(), table.contains("per_object"), "{table}");
+            }
+        }
+    });
+}
