@@ -104,7 +104,8 @@ fn only_trilinear_lattices_have_textures() {
 
 #[test]
 fn volumes_on_the_gpu_are_those_of_the_cpu() {
-    use rigbench::probe::Prober;
+    use rigbench::probe::{GradientSource, Prober, Probes};
+    use rigbench::sh::Window;
     use rigbench::volume::{Volume, bake};
     on_gpu("volumes_on_the_gpu_are_those_of_the_cpu", |gpu| {
         let bench = GpuBench::new(gpu.clone());
@@ -134,15 +135,7 @@ fn volumes_on_the_gpu_are_those_of_the_cpu() {
         for table in &tables {
             let baked = std::sync::Arc::new(bake(&Volume::inline(table).unwrap(), &prober).unwrap());
             let with = |arithmetic: Arithmetic| {
-                let recipe = Recipe {
-                    volume: Some(baked.clone()),
-                    rig: None,
-                    order: 3,
-                    gradients: GradientSource::Analytic,
-                    window: Window::None,
-                    probes: Probes::Analytic,
-                    arithmetic,
-                };
+                let recipe = Recipe { volume: Some(baked.clone()), ..Recipe::new(None, 3, arithmetic) };
                 prepare(&recipe, &around, Some(&bench))
                     .map_err(|e| e.to_string())?
                     .irradiance(&points())
