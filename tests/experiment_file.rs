@@ -493,6 +493,42 @@ max = 0.05
         ("order = [2, 3]", "gradient_source = [\"central\"]", "\"central\"", "needs parameters", "step"),
         ("order = [2, 3]", "light_model = [\"walace\"]", "\"walace\"", "unknown light model", "`wallace`"),
         ("order = [2, 3]", "probe_source = [\"captured\"]", "\"captured\"", "not available in this version", ""),
+        // light models, transitions, frames, studies
+        (
+            "[window.soft]",
+            "[light_model.m]\ndisk = \"wallac\"\n[window.soft]",
+            "\"wallac\"",
+            "unknown disk light model",
+            "`wallace`",
+        ),
+        (
+            "[window.soft]",
+            "[light_model.m]\ndisk = \"wallace\"\ntable_size = 8\n[window.soft]",
+            "8\n",
+            "no shape by its table",
+            "",
+        ),
+        (
+            "[window.soft]",
+            "[light_model.m]\ndisk = \"table\"\ntable_size = 1\n[window.soft]",
+            "1\n",
+            "table_size 1",
+            "",
+        ),
+        ("[window.soft]", "[transition.t]\nthreshold = 0.0\n[window.soft]", "0.0", "above 0", ""),
+        ("[window.soft]", "[transition.t]\nthreshold = 0.1\nblend = 1.5\n[window.soft]", "1.5", "0 to 1", ""),
+        ("[window.soft]", "[transition.nearer]\nthreshold = 0.1\n[window.soft]", "nearer]", "built-in transition", ""),
+        ("width = 64", "width = 64\nframe = 2", "2\n", "scene `car` has 1", ""),
+        ("order = [2, 3]", "light_model = [\"valve\"]", "[matrix]", "no light model of the list has SH", ""),
+        ("[window.soft]", "[[study]]\nname = \"s\"\n[window.soft]", "[[study]]", "no study", ""),
+        (
+            "[window.soft]",
+            "[[study]]\nname = \"a/b\"\nwrap_lobe = { wraps = [0.0] }\n[window.soft]",
+            "\"a/b\"",
+            "names a file",
+            "",
+        ),
+        ("[window.soft]", "[[study]]\nname = \"s\"\nwrap_lobe = { wraps = [1.5] }\n[window.soft]", "1.5", "0 to 1", ""),
         // definitions
         ("[rig.constant]\nconstant = {}", "[rig.constant]\nconstnt = {}", "constnt", "unknown field", "`constant`"),
         ("[rig.constant]\nconstant = {}", "[rig.constant]", "[rig.constant]", "no rig", ""),
@@ -605,6 +641,28 @@ fn ten_thousand_candidates_load_each_file_once() {
     // scenes and rigs are shared, not copied
     let first = &experiment.candidates[0];
     assert!(experiment.candidates[..2502].iter().all(|c| std::sync::Arc::ptr_eq(&c.scene, &first.scene)));
+    let keys: std::collections::HashSet<_> = experiment.candidates.iter().map(|c| c.identity().key()).collect();
+    assert_eq!(keys.len(), experiment.candidates.len());
+}
+
+/// A light model is a value for `direct`; a rig has the models in which something has SH, and the others say nothing about it.
+#[test]
+fn a_rig_takes_the_light_models_that_have_sh() {
+    let project = Project::new();
+    let text = format!(
+        "{HEAD}[matrix]\nscene = [\"car\"]\nlights = [\"lamp\"]\nrig = [\"direct\", \"constant\"]\n\
+         light_model = [\"exact\", \"wallace\", \"valve\", \"table\"]\n{RIGS}"
+    );
+    let experiment = project.load(&text).unwrap();
+    let models = |rig: &str| -> Vec<String> {
+        let mine = experiment.candidates.iter().filter(|c| c.column(Axis::Rig) == Some(rig));
+        mine.map(|c| c.column(Axis::LightModel).unwrap().to_owned()).collect()
+    };
+    assert_eq!(models("direct"), ["exact", "wallace", "valve", "table"]);
+    assert_eq!(models("constant"), ["exact", "wallace", "table"]);
+    // a sphere's table has no SH: the rig samples spheres exactly and disks from their table
+    let tabulated = experiment.candidates.iter().find(|c| c.rig().is_some() && c.light_model.disk == "table").unwrap();
+    assert_eq!(tabulated.light_model.sphere, "exact");
     let keys: std::collections::HashSet<_> = experiment.candidates.iter().map(|c| c.identity().key()).collect();
     assert_eq!(keys.len(), experiment.candidates.len());
 }

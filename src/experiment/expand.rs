@@ -88,9 +88,14 @@ enum Meaning {
 /// The one place that says which axis has a meaning where. An axis looks at axes before it alone.
 fn meaning(axis: Axis, draft: &Draft) -> Meaning {
     let rig = draft.rig.as_deref();
+    let is_volume = rig.is_some_and(|rig| matches!(rig.method, Placed::Volume(_)));
     let chosen_if = |meant: bool| if meant { Meaning::Chosen } else { Meaning::None };
     match axis {
-        Axis::Scene | Axis::Lights | Axis::Rig | Axis::LightModel | Axis::Backend => Meaning::Chosen,
+        Axis::Scene | Axis::Lights | Axis::Rig | Axis::Backend => Meaning::Chosen,
+        // a volume's samples are of the shapes themselves, and its lights stay in it
+        Axis::LightModel if is_volume => Meaning::Only("exact"),
+        Axis::LightModel => Meaning::Chosen,
+        Axis::Transition if is_volume => Meaning::None,
         // `direct` has no SH and no probe samples
         Axis::Order | Axis::ProbeSource | Axis::Window => chosen_if(rig.is_some()),
         // lights that rays have mixed with shadows cannot be taken out of the rig
@@ -456,7 +461,7 @@ impl<'s> Expansion<'s> {
             lights: draft.lights.clone().expect(chosen),
             method,
             order: draft.order,
-            light_model: draft.light_model.expect(chosen),
+            light_model: draft.light_model.unwrap_or(LightModel::EXACT),
             probe_source: draft.probe_source,
             gradient_source: draft.gradient_source,
             window: draft.window,

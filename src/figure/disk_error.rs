@@ -35,8 +35,10 @@ pub fn figure(rows: &[Row]) -> Option<Figure> {
     let first = maps.first()?;
     let side = (first.cells.len() as f64).sqrt().round() as usize;
     let reach = first.cells.iter().map(|c| c.0).fold(0.0, f64::max) * side as f64 / (side as f64 - 0.5);
-    let positive = maps.iter().flat_map(|map| &map.cells).map(|c| c.2).filter(|rms| *rms > 0.0);
-    let scale = Scale::log(positive.collect::<Vec<_>>());
+    // a formula that is exact somewhere does not take the scale for itself
+    let all = || maps.iter().flat_map(|map| &map.cells).map(|c| c.2);
+    let largest = all().fold(f64::MIN_POSITIVE, f64::max);
+    let scale = Scale::log(all().map(|rms| rms.max(1e-5 * largest)).collect::<Vec<_>>());
     let lines = maps.len().div_ceil(COLUMNS);
     let columns = maps.len().min(COLUMNS);
     let (width, plots) = (CELL.0 * columns as f64 + 24.0, CELL.1 * lines as f64);
