@@ -163,13 +163,13 @@ fn an_axis_without_a_meaning_makes_no_second_candidate() {
     );
     assert_eq!(experiment.candidates.len(), 1 + 1 + 2 + 1 + 2);
 
-    // rays bring their own derivatives: the gradient source is not chosen, and its column says which it is
+    // rays bring derivatives of their own in place of the analytic ones, and its column says so; differences serve them too
     let traced = format!("{matrix}\nprobe_source = [\"analytic\", \"traced\"]");
     let experiment = project.load(&file(&traced, central)).unwrap();
-    assert_eq!(experiment.candidates.len(), 1 + 2 + (2 + 1) + 2 + (2 + 1));
+    assert_eq!(experiment.candidates.len(), 1 + 2 + (2 + 2) + 2 + (2 + 2));
     let of_rays = experiment.candidates.iter().filter(|c| column(c, Axis::ProbeSource) == "traced");
     let sources: Vec<&str> = of_rays.map(|c| column(c, Axis::GradientSource)).collect();
-    assert_eq!(sources, ["-", "semi_analytic", "-", "semi_analytic"]);
+    assert_eq!(sources, ["-", "semi_analytic", "fd", "-", "semi_analytic", "fd"]);
 
     let direct = &project.load(&file(rigs, "")).unwrap().candidates[0];
     assert!(direct.rig().is_none() && direct.order.is_none() && direct.window.is_none());
@@ -492,7 +492,7 @@ max = 0.05
         ("order = [2, 3]", "window = [\"sofft\"]", "\"sofft\"", "unknown window", "`soft`"),
         ("order = [2, 3]", "gradient_source = [\"central\"]", "\"central\"", "needs parameters", "step"),
         ("order = [2, 3]", "light_model = [\"walace\"]", "\"walace\"", "unknown light model", "`wallace`"),
-        ("order = [2, 3]", "probe_source = [\"captured\"]", "\"captured\"", "not available in this version", ""),
+        ("order = [2, 3]", "probe_source = [\"capture\"]", "\"capture\"", "unknown probe source `capture`", "`captured`"),
         // light models, transitions, frames, studies
         (
             "[window.soft]",
