@@ -359,7 +359,14 @@ impl Film {
         let everything: Vec<(usize, usize)> =
             (0..self.frames.len()).flat_map(|f| (0..first.parts.len()).map(move |p| (f, p))).collect();
         let counts: Vec<Counts> =
-            cast.frames.iter().filter_map(|lit| lit.iter().map(|l| l.counts()).reduce(Counts::and)).collect();
+            // a volume is there once, however many read it
+            cast.frames
+                .iter()
+                .filter_map(|lit| {
+                    let readers = if recipe.volume.is_some() { 1 } else { lit.len() };
+                    lit.iter().take(readers).map(|l| l.counts()).reduce(Counts::and)
+                })
+                .collect();
         let mut findings = Findings {
             pooled: self.scores(&everything, &values, order),
             // costs are those of one frame; what is dropped as singular is counted over all

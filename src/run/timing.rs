@@ -71,6 +71,8 @@ pub fn time_block(
 struct Running<'a> {
     parts: Vec<Box<dyn Timed + 'a>>,
     setup_us: Vec<f64>,
+    /// What is paid once is shared by the parts: a volume's bake.
+    once_is_shared: bool,
     /// Rounds that count; a software adapter takes fewer.
     repeat: usize,
 }
@@ -95,7 +97,7 @@ impl<'a> Running<'a> {
                 lit.timed(&part.points, total)
             })
             .collect::<Result<_, _>>()?;
-        Ok(Self { parts, setup_us: Vec::new(), repeat })
+        Ok(Self { parts, setup_us: Vec::new(), once_is_shared: recipe.volume.is_some(), repeat })
     }
 
     fn round(&mut self, round: usize, warmup: usize) -> Result<(), CandidateError> {
@@ -120,7 +122,8 @@ impl<'a> Running<'a> {
         let evaluations = self.parts.iter().map(|part| part.evaluations()).collect::<Result<Vec<_>, _>>()?;
         let count = evaluations.iter().map(|(samples, _)| samples.0.len()).min().unwrap_or(0);
         let mean = |i: usize| evaluations.iter().map(|(s, _)| s.0[i]).sum::<f64>() / evaluations.len() as f64;
-        let once: Vec<f64> = self.parts.iter().filter_map(|part| part.once()).collect();
+        let payers = if self.once_is_shared { 1 } else { self.parts.len() };
+        let once: Vec<f64> = self.parts.iter().take(payers).filter_map(|part| part.once()).collect();
         Ok(Times {
             setup_us: Samples(self.setup_us),
             eval_ns_per_point: Samples((0..count).map(mean).collect()),
