@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::bakery::Bakery;
 use super::crew::{Crew, CrewOptions, bury};
 use super::results::shell_word;
-use super::sweep::{Ending, Run, Step, SweepError, Tell, Workshop, run_of};
+use super::sweep::{Ending, Run, Step, SweepError, Tell, Workshop, reference_is, run_of};
 use super::worker::Order;
 use super::{ArrayCache, Store, StoreError, interrupt, write_atomic};
 use crate::experiment::{Backend, Candidate, Experiment, Key, LimitSettings, Override, ProbeSource, SlurmSettings};
@@ -86,10 +86,10 @@ impl SlurmOptions {
             let mut arrays = Vec::new();
             for members in by_backend(runs, &open) {
                 let blocks = blocks_of(runs, &members);
-                let references = blocks.iter().map(|block| vec![Order::Reference(keys(runs, block))]).collect();
-                let before = match attempt {
-                    0 => Some(self.submit(work, "reference", references, runs, &members, None)?),
-                    _ => None,
+                let references = self.references(work, runs, &blocks);
+                let before = match attempt == 0 && !references.is_empty() {
+                    true => Some(self.submit(work, "reference", references, runs, &members, None)?),
+                    false => None,
                 };
                 let tasks = match attempt {
                     0 => self.cut(work, runs, &blocks),
@@ -172,6 +172,25 @@ impl SlurmOptions {
             self.follow(&array.id, &mut || Ok(()))?;
         }
         Ok(missing().into_iter().map(|index| (index, "no task kept it".to_owned())).collect())
+    }
+
+    /// The references that are kept: a task for each that is sampled, the others together.
+    fn references(&self, work: &Workshop, runs: &[Run], blocks: &[Vec<usize>]) -> Vec<Vec<Order>> {
+        let (mut tasks, mut exact) = (Vec::new(), Vec::new());
+        for block in blocks {
+            let order = Order::Reference(keys(runs, block));
+            match reference_is(work.experiment, &runs[block[0]].candidate) {
+                (true, _) => tasks.push(vec![order]),
+                (false, true) => exact.push(order),
+                (false, false) => {}
+            }
+        }
+        // an exact one takes a fraction of a second
+        let in_one = (self.settings.seconds * 4.0).clamp(1.0, 1e4) as usize;
+        tasks.extend(exact.chunks(in_one).map(<[Order]>::to_vec));
+        let most = self.settings.tasks as usize;
+        let in_one = tasks.len().div_ceil(most).max(1);
+        tasks.chunks(in_one).map(<[_]>::concat).collect()
     }
 
     /// Cuts blocks into tasks of about equal expected cost; a block is cut only where it is more than one task.

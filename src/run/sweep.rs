@@ -401,6 +401,14 @@ fn film_of(work: &Workshop, stage: &Stage, runs: &[Run], block: &[usize]) -> Fil
     stage.film(work.experiment, first, orders, picture, true, &cache)
 }
 
+/// Whether what the runs of a candidate's block share is sampled, and whether it is kept.
+pub(super) fn reference_is(experiment: &Experiment, candidate: &Candidate) -> (bool, bool) {
+    let lights = candidate.lights.at(0, candidate.scene.frames).len();
+    let (effects, _) = experiment.effects.resolve(&SceneFacts::of(&candidate.scene, lights));
+    let sampled = effects != Effects::NONE;
+    (sampled, sampled || candidate.lights.instance.index.is_none())
+}
+
 /// Computes what the runs of a block share, and keeps it.
 pub(super) fn reference(work: &Workshop, runs: &[Run], block: &[usize]) {
     let stage = Stage::new(work.experiment, &runs[block[0]].candidate);
