@@ -25,6 +25,7 @@ pub mod experiment;
 pub mod gpu;
 pub mod reference;
 pub mod candidate;
+pub mod stability;
 pub mod run;
 pub mod figure;
 pub mod gate;

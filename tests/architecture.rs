@@ -22,6 +22,7 @@ const ORDER: &[&str] = &[
     "gpu",
     "reference",
     "candidate",
+    "stability",
     "run",
     "figure",
     "gate",

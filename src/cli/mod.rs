@@ -8,11 +8,13 @@ mod completions;
 mod doctor;
 mod exit;
 mod figures;
+mod hard_cases;
 mod man;
 mod merge;
 mod metrics;
 mod plan;
 mod query;
+mod recommend;
 mod report;
 mod run;
 mod schema;
@@ -63,6 +65,7 @@ verbs! {
     Report => report,
     Figures => figures,
     Metrics => metrics,
+    Recommend => recommend,
     Doctor => doctor,
     Schema => schema,
     Completions => completions,

@@ -17,6 +17,9 @@ pub struct Plan {
 
 impl Plan {
     pub fn run(self) -> Result<Exit, Failure> {
+        if let Some(hard_cases) = self.selection.hard_cases() {
+            return hard_cases.plan();
+        }
         let Selected { experiment, candidates, store, .. } = self.selection.load()?;
         let identities: Vec<Identity> = candidates.par_iter().map(Candidate::identity).collect();
         let reasons = store.survey(&identities, self.selection.force);

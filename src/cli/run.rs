@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::hard_cases::HardArguments;
 use super::{Exit, Failure, print};
 use crate::experiment::{Backend, Candidate, Experiment, Filter, Override};
 use crate::figure::figures_of;
@@ -81,7 +82,6 @@ impl Run {
     pub fn run(self) -> Result<Exit, Failure> {
         let overrides: Vec<Override> =
             self.set.iter().map(|text| text.parse()).collect::<Result<_, String>>().map_err(Failure::usage)?;
-        let filter = Filter::parse(self.filter.iter().map(String::as_str)).map_err(Failure::usage)?;
         let backend = match self.backend.as_deref() {
             None => None,
             Some("cpu") => Some(Backend::Cpu),
@@ -92,6 +92,10 @@ impl Run {
             let built = rayon::ThreadPoolBuilder::new().num_threads(usize::from(jobs)).build_global();
             built.map_err(Failure::internal)?;
         }
+        if crate::stability::is_stability(&self.experiment) {
+            return self.hard_cases(overrides).run();
+        }
+        let filter = Filter::parse(self.filter.iter().map(String::as_str)).map_err(Failure::usage)?;
         let experiment = Experiment::load_with(&self.experiment, &overrides)?;
         let all = &experiment.candidates;
         let chosen: Vec<Candidate> = all
@@ -232,6 +236,20 @@ pub(super) fn finish(
         exit = exit.and(Exit::RunsFailed);
     }
     Ok(exit)
+}
+
+impl Run {
+    fn hard_cases(self, set: Vec<Override>) -> HardArguments {
+        HardArguments {
+            experiment: self.experiment,
+            out: self.out,
+            filter: self.filter,
+            set,
+            backend: self.backend,
+            force: self.force,
+            figures: !self.no_figures,
+        }
+    }
 }
 
 /// Writes claims.csv and says each verdict.

@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 use super::{Exit, Failure, print};
 use crate::experiment::Experiment;
 use crate::scene::{Layout, Scene};
+use crate::stability::HardCases;
 
 /// Print the JSON schema of a kind of file, for editors
 #[derive(Debug, Args)]
@@ -17,6 +18,8 @@ pub struct Schema {
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Kind {
     Experiment,
+    /// An experiment of kind `stability`
+    HardCases,
     Scene,
     /// A light layout
     Lights,
@@ -26,6 +29,7 @@ impl Kind {
     fn schema(self) -> Value {
         match self {
             Kind::Experiment => Experiment::schema(),
+            Kind::HardCases => HardCases::schema(),
             Kind::Scene => Scene::schema(),
             Kind::Lights => Layout::schema(),
         }
@@ -38,6 +42,7 @@ impl Schema {
             Some(kind) => kind.schema(),
             None => json!({
                 "experiment": Kind::Experiment.schema(),
+                "hard-cases": Kind::HardCases.schema(),
                 "scene": Kind::Scene.schema(),
                 "lights": Kind::Lights.schema(),
             }),

@@ -2,6 +2,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::hard_cases::HardArguments;
 use super::{Exit, Failure};
 use crate::experiment::{Backend, Candidate, Experiment, Filter, Override};
 use crate::run::Store;
@@ -39,6 +40,19 @@ pub struct Selected {
 }
 
 impl Selection {
+    /// The same arguments for an experiment of hard cases, if it is one.
+    pub fn hard_cases(&self) -> Option<HardArguments> {
+        crate::stability::is_stability(&self.experiment).then(|| HardArguments {
+            experiment: self.experiment.clone(),
+            out: self.out.clone(),
+            filter: self.filter.clone(),
+            set: self.set.clone(),
+            backend: self.backend.clone(),
+            force: self.force,
+            figures: false,
+        })
+    }
+
     /// Reads the experiment and picks its candidates. Writes nothing.
     pub fn load(&self) -> Result<Selected, Failure> {
         let filter = Filter::parse(self.filter.iter().map(String::as_str)).map_err(Failure::usage)?;

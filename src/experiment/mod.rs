@@ -15,11 +15,11 @@ mod select;
 mod study;
 mod settings;
 
-pub use axis::{Axis, AxisValue};
+pub use axis::{Axis, AxisValue, AxisValues};
 pub use candidate::{Candidate, Lights, Method};
 pub use columns::{COLUMNS, CONTRACT_COLUMNS, Column, ColumnKind, column_named, metrics};
 pub use definition::{Backend, LightModel, Precision, ProbeSource, Storage, Transition};
-pub use document::Override;
+pub use document::{Document, Override, take_table};
 pub use identity::{ALGORITHMS, Algorithms, Identity, Key, TimingIdentity};
 pub use select::{Filter, Selection};
 pub use settings::{CheckSettings, LimitSettings, SlurmSettings};
@@ -41,7 +41,6 @@ use crate::trace::{Bounces, Effects, EffectsChoice};
 use crate::volume::{Heuristic, VolumeFile};
 use axis::{AxisEntry, entries};
 use definition::{Choice, above_zero, check_definitions, resolve, resolve_order, whole};
-use document::{Document, take_table};
 use expand::{DefinitionFile, Expansion, LayoutWord, List, Lists, RigDefinition, check_include, resolve_volume};
 use file::{EffectsMode, ExperimentFile, Named};
 use select::KnownValues;
@@ -272,7 +271,7 @@ impl<'f> Reader<'f> {
             Some(seed) => u64::try_from(*seed.get_ref())
                 .map_err(|_| source.error(seed.span(), format!("seed {}; it is not negative", seed.get_ref())))?,
         };
-        let name = self.name()?;
+        let name = folder_name(source, &file.name)?;
         let image = self.image()?;
         let timing = self.timing()?;
         let reference = self.reference()?;
@@ -318,18 +317,6 @@ impl<'f> Reader<'f> {
             check: CheckSettings::resolve(file.check.as_ref(), source)?,
             candidates,
         })
-    }
-
-    /// The name is a folder's under `results/`.
-    fn name(&self) -> Result<String, InputError> {
-        let name = self.file.name.get_ref();
-        let plain = name.chars().all(|c| c.is_ascii_alphanumeric() || "-_.".contains(c));
-        if plain && !name.is_empty() && !name.starts_with('.') && name.len() <= 100 {
-            return Ok(name.clone());
-        }
-        let message =
-            format!("name `{name}`: it names a folder; letters, digits, `-`, `_` and `.` (not first), at most 100");
-        Err(self.source.error(self.file.name.span(), message))
     }
 
     fn image(&self) -> Result<ImageSettings, InputError> {
@@ -711,9 +698,21 @@ fn merge(
 fn check_kind(source: &Source, kind: &Spanned<String>) -> Result<(), InputError> {
     match kind.get_ref().as_str() {
         "sweep" => Ok(()),
-        "stability" => Err(source.error(kind.span(), "kind `stability` is not available in this version")),
+        "stability" => Err(source.error(kind.span(), "kind `stability`: hard cases, which only `run` and `plan` know")),
         word => Err(source.unknown_word(kind.span(), "kind", word, ["sweep", "stability"])),
     }
+}
+
+/// The name of an experiment is a folder's under `results/`.
+pub fn folder_name(source: &Source, name: &Spanned<String>) -> Result<String, InputError> {
+    let text = name.get_ref();
+    let plain = text.chars().all(|c| c.is_ascii_alphanumeric() || "-_.".contains(c));
+    if plain && !text.is_empty() && !text.starts_with('.') && text.len() <= 100 {
+        return Ok(text.clone());
+    }
+    let message =
+        format!("name `{text}`: it names a folder; letters, digits, `-`, `_` and `.` (not first), at most 100");
+    Err(source.error(name.span(), message))
 }
 
 /// An error about a name, at the place that says it.

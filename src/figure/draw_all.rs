@@ -10,6 +10,7 @@ use super::cosine;
 use super::curves::{CurvePoint, Curves, Quantity, Series};
 use super::dots::{Dot, DotPanel, Dots};
 use super::fronts::{COSTS, Fronts, Point};
+use super::hard_cases;
 use super::heat_map::{ColumnGroup, HeatMap};
 use super::latex::latex;
 use super::near_far;
@@ -81,6 +82,9 @@ fn drawn_before(target: &Path, source: &str) -> Option<Vec<String>> {
 }
 
 fn draw(table: &Table, folder: &Path, target: &Path) -> io::Result<Vec<String>> {
+    if table.columns.iter().any(|column| column == "family") {
+        return draw_hard_cases(table, target);
+    }
     let pooled = table.pooled();
     let mut jobs = Jobs(Vec::new());
     let rows: Vec<Row> = pooled.rows().collect();
@@ -173,6 +177,18 @@ fn draw(table: &Table, folder: &Path, target: &Path) -> io::Result<Vec<String>> 
         write_whole(&target.join(LATEX), text.as_bytes())?;
     }
     Ok(drawn.into_iter().map(|(name, _)| name).collect())
+}
+
+/// Of hard cases a figure a family.
+fn draw_hard_cases(table: &Table, target: &Path) -> io::Result<Vec<String>> {
+    let drawn: Vec<Option<String>> = hard_cases::families(table)
+        .into_par_iter()
+        .map(|family| match hard_cases::family_figure(table, &family) {
+            Some(figure) => figure.write(target, &family).map(|()| Some(family)),
+            None => Ok(None),
+        })
+        .collect::<io::Result<_>>()?;
+    Ok(drawn.into_iter().flatten().collect())
 }
 
 /// Figures to draw: a name, and what draws it where the data allow.

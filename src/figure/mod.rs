@@ -11,6 +11,7 @@ mod draw_all;
 pub mod drawing;
 pub mod fronts;
 pub mod gallery;
+pub mod hard_cases;
 pub mod heat_map;
 pub mod label;
 mod latex;

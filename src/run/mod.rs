@@ -6,8 +6,10 @@ mod block;
 pub mod claims;
 mod crew;
 mod disk;
+pub mod hard_cases;
 pub mod interrupt;
 mod progress;
+pub mod recommend;
 pub mod results;
 mod shard;
 mod slurm;
@@ -17,6 +19,7 @@ mod sweep;
 mod timing;
 mod worker;
 
+use crate::experiment::TimingSettings;
 pub use arrays::{ArrayCache, Arrays};
 pub use block::{Findings, Scores};
 pub use crew::CrewOptions;
