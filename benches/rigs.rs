@@ -1,4 +1,5 @@
-//! What a rig costs at a point on the CPU, one core, `f32`: every kind, plain and wide, with ratios taken in one run.
+//! What a rig costs at a point: every kind on the CPU (one core, `f32`, plain and wide, with ratios taken in one run) and on the GPU,
+//! where there is one; and what setting it up costs, RBFs beside lattices.
 //! `cargo bench --bench rigs`; the ratios are printed first, Criterion's figures follow.
 
 use std::hint::black_box;
@@ -6,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput};
 use glam::DVec3;
+use rigbench::gpu::{AdapterKind, Evaluator, Gpu};
 use rigbench::light::{Light, Sphere};
 use rigbench::math::{Rgb, Stream, StreamPurpose, Vector3};
 use rigbench::probe::{GradientSource, sample_lights};
@@ -126,6 +128,31 @@ fn ratios() {
     speedup::<36>(lattice, 6);
 }
 
+/// Every kind on the GPU over a million points (fewer on a software adapter, whose times are no GPU times), an empty run subtracted.
+fn on_gpu() {
+    let gpu = match Gpu::open(AdapterKind::Any) {
+        Ok(gpu) => gpu,
+        Err(why) => return println!("no GPU: {why}"),
+    };
+    println!("order 3 on {}", gpu.adapter().label());
+    let points = points(POINTS);
+    let total = gpu.timing_points(POINTS);
+    for entry in catalogue() {
+        let subject = Subject::new(entry.text, 3);
+        let time = Evaluator::new(&gpu, &entry.rig.wgsl(HALF), 3)
+            .and_then(|evaluator| evaluator.prepare(&subject.vectors, &points, total)?.time(2, gpu.timing_repeats(9)));
+        match time {
+            Ok(timing) => {
+                let mut samples = timing.samples_ns_per_point.clone();
+                samples.sort_by(f64::total_cmp);
+                let median = samples[samples.len() / 2];
+                println!("order 3, {}: GPU {median:.3} ns a point ({})", entry.text, timing.timer.name());
+            }
+            Err(why) => println!("order 3, {}: {why}", entry.text),
+        }
+    }
+}
+
 fn evaluation(c: &mut Criterion) {
     let mut group = c.benchmark_group("order 3 irradiance, 4096 points");
     group.throughput(Throughput::Elements(POINTS as u64));
@@ -183,6 +210,7 @@ fn main() {
     // `cargo test --benches` and `cargo bench -- --list` want no long measurement
     if !std::env::args().any(|a| a == "--test" || a == "--list") {
         ratios();
+        on_gpu();
     }
     let mut criterion = Criterion::default().configure_from_args();
     evaluation(&mut criterion);

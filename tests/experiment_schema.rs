@@ -6,6 +6,7 @@ use rigbench::experiment::Experiment;
 use rigbench::input::Source;
 use rigbench::rig::catalogue;
 use rigbench::scene::{Layout, Scene};
+use rigbench::stability::{HardCases, is_stability};
 use serde_json::{Value, json};
 
 /// Why a value does not fit a schema; the keywords of draft 7 that the schemas use, any other is an error of the schema.
@@ -119,12 +120,51 @@ fn shipped_files_fit_their_schemas() {
         assert!(files.len() >= least, "{folder}: {files:?}");
         for file in files {
             let text = std::fs::read_to_string(&file).unwrap();
-            assert_eq!(misfit(&schema, &json_of(&text).unwrap()), None, "{}", file.display());
+            let (hard_cases, hard_line) = (HardCases::schema(), "#:schema ../schemas/hard-cases.json\n");
+            let hard = is_stability(&file);
+            let (schema, line) = if hard { (&hard_cases, hard_line) } else { (&schema, line) };
+            assert_eq!(misfit(schema, &json_of(&text).unwrap()), None, "{}", file.display());
             // the line by which editors find the schema
             assert!(text.starts_with(line), "{} does not begin with {line}", file.display());
             let schema = line.trim_start_matches("#:schema ").trim_end();
             assert!(root().join(folder).join(schema).exists(), "{schema}");
         }
+    }
+}
+
+#[test]
+fn the_shipped_hard_cases_load_and_mistakes_are_pointed_at() {
+    let path = root().join("experiments/hard-cases.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let cases = HardCases::load(&path).unwrap();
+    assert!(cases.families.len() >= 30 && !cases.bounds.is_empty());
+    let folder = tempfile::tempdir().unwrap();
+    let schema = HardCases::schema();
+    for (old, new, message, fits) in [
+        ("kind = \"stability\"\n", "kind = \"stability\"\nseeds = 3\n", "unknown field `seeds`", false),
+        ("\"=1 + t\"", "\"=1 + u\"", "unknown word `u`", true),
+        ("\"=1 + t\"", "\"=1/(t - t)\"", "must be a finite number", true),
+        ("\"=1 + t\"", "\"one\"", "expected", true),
+        ("name = \"sphere-touches\"", "name = \"sphere touches\"", "letters, digits", true),
+        ("from = 1.0, to = 1e-7", "from = -1.0, to = 1e-7", "above 0", true),
+        ("half = [0.5, 0.25, 0.5]", "half = [0.5, -0.25, 0.5]", "none is negative", true),
+        (
+            "rig = [\"direct\", \"constant\", \"gradient\", \"mixed\"]",
+            "rig = [\"direct\", \"constat\"]",
+            "unknown rig `constat`",
+            true,
+        ),
+        ("order = [2, 3, 5]", "order = [2, 7]", "order 7", false),
+        ("metric = \"non_finite\"", "metric = \"nonfinite\"", "unknown metric", false),
+    ] {
+        assert!(text.contains(old), "{old} is not in the file");
+        let changed = text.replacen(old, new, 1);
+        let copy = folder.path().join("changed.toml");
+        std::fs::write(&copy, &changed).unwrap();
+        let error = HardCases::load(&copy).unwrap_err();
+        assert!(error.message.contains(message), "{new}: {error}");
+        assert!(error.place.is_some(), "{new}: {error}");
+        assert_eq!(misfit(&schema, &json_of(&changed).unwrap()).is_none(), fits, "{new}");
     }
 }
 
@@ -474,9 +514,12 @@ fn program_and_schema_agree_on_experiments() {
 /// The files that editors read (`#:schema ../schemas/experiment.json`). After a change: `rigbench schema KIND > schemas/KIND.json`.
 #[test]
 fn checked_in_schemas_are_current() {
-    for (kind, schema) in
-        [("experiment", Experiment::schema()), ("scene", Scene::schema()), ("lights", Layout::schema())]
-    {
+    for (kind, schema) in [
+        ("experiment", Experiment::schema()),
+        ("hard-cases", HardCases::schema()),
+        ("scene", Scene::schema()),
+        ("lights", Layout::schema()),
+    ] {
         let path = root().join(format!("schemas/{kind}.json"));
         let text = std::fs::read_to_string(&path).unwrap_or_default();
         assert!(
@@ -490,6 +533,11 @@ fn checked_in_schemas_are_current() {
     let all: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(
         all,
-        json!({ "experiment": Experiment::schema(), "scene": Scene::schema(), "lights": Layout::schema() })
+        json!({
+            "experiment": Experiment::schema(),
+            "hard-cases": HardCases::schema(),
+            "scene": Scene::schema(),
+            "lights": Layout::schema(),
+        })
     );
 }

@@ -131,7 +131,7 @@ fn flat(light: &Light<f64>, p: V) -> Flat {
     match light {
         Light::Disk(disk) => flat_disk(disk, p),
         Light::Rect(rect) => flat_polygon(&rect.corners(), rect.normal(), p),
-        Light::Polygon(polygon) => flat_polygon(polygon.vertices(), polygon.normal(), p),
+        Light::Polygon(polygon) => flat_polygon(&polygon.vertices(), polygon.normal(), p),
         other => panic!("{} is not flat", other.kind_name()),
     }
 }
@@ -208,7 +208,7 @@ fn truth_projection(light: &Light<f64>, p: V) -> [f64; 36] {
     };
     let vertices = match light {
         Light::Rect(rect) => rect.corners().to_vec(),
-        Light::Polygon(polygon) => polygon.vertices().to_vec(),
+        Light::Polygon(polygon) => polygon.vertices(),
         _ => Vec::new(),
     };
     if vertices.iter().any(|v| (*v - p).length() < 8.0) || vertices.is_empty() {

@@ -6,8 +6,12 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
+use rigbench::experiment::Experiment;
 use rigbench::input::{InputError, Source};
+use rigbench::light::EnvironmentMap;
+use rigbench::picture::LayeredImage;
 use rigbench::scene::{Layout, Mesh, Pixels, Scene};
+use rigbench::stability::HardCases;
 
 /// What is done to a valid file.
 #[derive(Clone, Debug)]
@@ -307,6 +311,250 @@ fn glb_files() {
         Ok(()) => true,
         Err(error) => !error.message.contains("glTF magic") && !error.message.contains("chunk"),
     });
+}
+
+/// Everything that an experiment may hold, on scenes that load fast.
+const EXPERIMENT: &str = r#"
+schema_version = 1
+name = "fuzzed"
+title = "All that an experiment may hold"
+kind = "sweep"
+seed = 3
+[image]
+width = 32
+height = 18
+keep = "front"
+[matrix]
+scene = ["bounds"]
+lights = ["three-lamps"]
+rig = ["direct", "constant", "lattice", "mixed", "rbf"]
+order = [2, 3]
+interpolation = ["trilinear", "sharp"]
+gradient_source = ["analytic", "fd"]
+window = ["none", "hann"]
+backend = ["cpu", "gpu"]
+storage = ["buffer", "texture"]
+precision = ["f32", "f64"]
+[rig.constant]
+constant = {}
+[rig.lattice]
+lattice = { samples = [3, 2, 2], interpolation = "half_gradient", axes = "longest_first" }
+[rig.mixed]
+mixed = { x = { lattice = 3 }, y = "constant", z = { hermite = 2 } }
+freeze_frame = 0
+[rig.rbf]
+rbf = { centers = [[0, 0, 0], [1, 0.5, 0]], kernel = "gaussian", shape = 1.5 }
+[interpolation.sharp]
+inverse_distance = { power = 2.0 }
+[gradient_source.fd]
+central = { step = 0.01 }
+[window.hann]
+hann = { width = 4.0 }
+[[exclude]]
+rig = "constant"
+backend = "gpu"
+[[include]]
+scene = "bounds"
+lights = "three-lamps"
+rig = "constant"
+order = 5
+window = "none"
+backend = "cpu"
+precision = "f32"
+[effects]
+mode = { shadows = true, bounces = 2 }
+[timing]
+warmup = 1
+repeat = 2
+only = { rig = ["constant"] }
+[[threshold]]
+where = { rig = "mixed" }
+metric = "interpolation_nrmse"
+max = 0.5
+[[claim]]
+name = "better"
+says = "more is better"
+rig = ["lattice"]
+against = ["constant"]
+within = 1.5
+[reference]
+points = 16
+relative_error = 0.5
+seconds = 1.0
+"#;
+
+/// A folder with a scene of bounds alone and a layout, and the place of an experiment in it.
+fn small_root() -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir_all(folder.path().join("scenes/lights")).unwrap();
+    std::fs::create_dir_all(folder.path().join("experiments")).unwrap();
+    let scene = "schema_version = 1\n[[object]]\nname = \"slab\"\nreceiver = true\n\
+                 shape = { box = { min = [-1, -1, -1], max = [1, 1, 1] } }\n";
+    std::fs::write(folder.path().join("scenes/bounds.toml"), scene).unwrap();
+    std::fs::copy(scenes().join("lights/three-lamps.toml"), folder.path().join("scenes/lights/three-lamps.toml"))
+        .unwrap();
+    let path = folder.path().join("experiments/fuzzed.toml");
+    (folder, path)
+}
+
+#[test]
+fn experiment_files() {
+    let (_folder, path) = small_root();
+    let read = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        let experiment = Experiment::load(&path)?;
+        for candidate in &experiment.candidates {
+            assert!(candidate.order.is_none_or(|order| (1..=6).contains(&order)));
+            assert_eq!(candidate.identity().key(), candidate.identity().key());
+        }
+        Ok(())
+    };
+    let whole = read(EXPERIMENT.as_bytes());
+    assert!(whole.is_ok(), "{}", whole.unwrap_err());
+    survives(4000, vec![EXPERIMENT.as_bytes().to_vec()], read, |bytes, _| is_toml(bytes));
+}
+
+/// A family of every kind of key.
+const HARD_CASES: &str = r#"
+schema_version = 1
+name = "fuzzed"
+kind = "stability"
+[matrix]
+rig = ["direct", "constant"]
+order = [2, 3]
+backend = ["cpu"]
+[rig.constant]
+constant = {}
+[[family]]
+name = "near"
+title = "A light comes near"
+parameter = { name = "gap", from = 1.0, to = 1e-6, steps = 4, also = [0.0] }
+rig = ["direct"]
+box = { half = [1, "=t", 0.5], center = [0, 0, "=-t"] }
+move = ["=10*t", 0, 0]
+point = [{ position = [0, "=sqrt(t)", 0], normals = [[1, "=t", 0]] }]
+light = [{ sphere = { center = [0, "=2 + t^2", 0], radius = "=1 + 1e-3", radiance = [1, 1, 1] } }]
+variant.centres = { rbf = { centers = [[0, 0, 0], ["=t/2", 0, 0]], kernel = "cubic" } }
+[[family]]
+name = "list"
+parameter = { name = "size", values = [1.0, 0.5] }
+box = { half = [1, 1, 1] }
+point = [{ position = [0, 0, 0] }]
+light = [{ tube = { from = ["=t", 1, 0], to = [2, 1, 0], intensity = [1, 1, 1] } }]
+[[threshold]]
+where = { family = "near", model = ["direct", "centres"] }
+metric = "error"
+max = 1e-3
+"#;
+
+#[test]
+fn hard_case_files() {
+    let (_folder, path) = small_root();
+    let read = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        let cases = HardCases::load(&path)?;
+        for case in cases.families.iter().flat_map(|family| &family.cases) {
+            assert!(case.bounds.half.iter().all(|h| h.is_finite() && *h >= 0.0));
+            assert!(case.places.iter().all(|p| p.position.is_finite() && p.normals.iter().all(|n| n.is_normalized())));
+        }
+        Ok(())
+    };
+    let whole = read(HARD_CASES.as_bytes());
+    assert!(whole.is_ok(), "{}", whole.unwrap_err());
+    survives(3000, vec![HARD_CASES.as_bytes().to_vec()], read, |bytes, _| is_toml(bytes));
+}
+
+fn map_reader(name: &'static str) -> impl Fn(&[u8]) -> Result<(), InputError> {
+    move |bytes| {
+        let path = Path::new(name);
+        let map = EnvironmentMap::of_bytes(path, bytes).map_err(|why| InputError::of_file(path, why))?;
+        let (width, height) = map.size();
+        assert!(width == 2 * height && height > 0);
+        Ok(())
+    }
+}
+
+/// 8 x 4 texels with runs (new scheme) in its scanlines, and 4 x 2 without.
+fn hdr() -> Vec<Vec<u8>> {
+    let head = |width: usize, height: usize| {
+        format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=1.0\n\n-Y {height} +X {width}\n").into_bytes()
+    };
+    let mut runs = head(8, 4);
+    for row in 0..4u8 {
+        runs.extend([2, 2, 0, 8]);
+        for channel in 0..4u8 {
+            runs.extend([128 + 5, 100 + row, 3, 10 * channel, 20, 129]);
+        }
+    }
+    let mut plain = head(4, 2);
+    (0..8u8).for_each(|k| plain.extend([10 * k, 20, 200 - k, 128]));
+    vec![runs, plain]
+}
+
+#[test]
+fn hdr_files() {
+    let read = map_reader("a.hdr");
+    hdr().iter().for_each(|seed| read(seed).unwrap());
+    survives(6000, hdr(), read, |_, result| match result {
+        Ok(()) => true,
+        // past the signature and the header
+        Err(error) => !error.message.contains("signature") && !error.message.contains("not a whole"),
+    });
+}
+
+fn exr() -> Vec<u8> {
+    let picture = rigbench::picture::Picture::from_fn(8, 4, |x, y| [x as f32, y as f32, 0.5]);
+    LayeredImage {
+        layers: vec![(String::new(), picture.clone()), ("error".to_owned(), picture)],
+        key: "a".to_owned(),
+        configuration: "{}".to_owned(),
+        comments: "layers".to_owned(),
+    }
+    .to_bytes()
+    .unwrap()
+}
+
+#[test]
+fn exr_files() {
+    let map = map_reader("a.exr");
+    let read = |bytes: &[u8]| {
+        if let Ok(image) = LayeredImage::of_bytes(bytes) {
+            assert!(image.layers.iter().all(|(_, p)| p.pixels.len() == p.width * p.height));
+        }
+        map(bytes)
+    };
+    read(&exr()).unwrap();
+    // past the headers: what the file promises is believed
+    survives(4000, vec![exr()], read, |bytes, _| rigbench::picture::exr_is_believable(bytes).is_ok());
+}
+
+/// Pictures whose headers promise gigabytes in a few bytes.
+#[test]
+fn hostile_pictures_are_refused_at_once() {
+    let start = std::time::Instant::now();
+    let huge = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 100000 +X 200000\n\x02\x02\x00\x08".to_vec();
+    assert!(EnvironmentMap::of_bytes(Path::new("a.hdr"), &huge).unwrap_err().contains("at most"));
+    let wide = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8192 +X 16384\n\x02\x02\x00\x08".to_vec();
+    assert!(EnvironmentMap::of_bytes(Path::new("a.hdr"), &wide).unwrap_err().contains("cut short"));
+    // the data window's far corner, wherever it stands: 8 x 4 pixels end at (7, 3)
+    let bytes = exr();
+    let window: Vec<u8> = [0i32, 0, 7, 3].iter().flat_map(|v| v.to_le_bytes()).collect();
+    let mut found = 0;
+    for (far, word) in [([1 << 20, 1 << 20], "at most"), ([1 << 13, 1 << 14], "bytes")] {
+        let mut hostile = bytes.clone();
+        let other: Vec<u8> = [0i32, 0, far[0], far[1]].iter().flat_map(|v| v.to_le_bytes()).collect();
+        for at in 0..hostile.len() - 16 {
+            if hostile[at..at + 16] == window[..] {
+                hostile[at..at + 16].copy_from_slice(&other);
+                found += 1;
+            }
+        }
+        let why = LayeredImage::of_bytes(&hostile).unwrap_err();
+        assert!(why.contains(word) || why.contains("blocks"), "{why}");
+        EnvironmentMap::of_bytes(Path::new("a.exr"), &hostile).unwrap_err();
+    }
+    assert!(found >= 2, "no data window in the file");
+    assert!(start.elapsed().as_secs() < 5, "{:?}", start.elapsed());
 }
 
 /// Headers that promise what the file does not have, and faces that would take for ever.

@@ -24,7 +24,8 @@ pub struct Arc<T> {
 }
 
 impl<T: Real> Arc<T> {
-    /// The segment from `a` to `a + side`, both relative to the point; `None` where the point is on the segment.
+    /// The segment from `a` to `a + side`, both relative to the point; `None` where the point is on the segment, and of a
+    /// segment that rounding has left without a length.
     #[inline(always)]
     pub fn new(a: Vector3<T>, side: Vector3<T>) -> Option<Self> {
         let b = a + side;
@@ -45,7 +46,8 @@ impl<T: Real> Arc<T> {
             cosine: start.dot(side) / length,
             angle_over_sine: angle_over_cross * distance * length,
         };
-        (angle_over_cross > T::zero() && arc.angle_over_sine.is_finite() && distance > T::zero()).then_some(arc)
+        let seen = angle_over_cross > T::zero() && distance > T::zero() && length > T::zero();
+        (seen && arc.angle_over_sine.is_finite()).then_some(arc)
     }
 
     #[inline(always)]

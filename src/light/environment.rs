@@ -178,9 +178,14 @@ impl EnvironmentMap {
     /// Reads an .exr (first layer with R, G, B, or Y) or .hdr file. The error says what is wrong with it.
     pub fn load(path: &Path) -> Result<Self, String> {
         let bytes = std::fs::read(path).map_err(|e| format!("cannot be read: {e}"))?;
-        let Picture { width, height, pixels } = picture_of(&bytes, path, None)?;
+        Self::of_bytes(path, &bytes)
+    }
+
+    /// The same from a file's bytes; the path's ending says of which kind.
+    pub fn of_bytes(path: &Path, bytes: &[u8]) -> Result<Self, String> {
+        let Picture { width, height, pixels } = picture_of(bytes, path, None)?;
         let map = Self::new(width, height, pixels)?;
-        Ok(Self { content: blake3::hash(&bytes).to_hex().to_string(), ..map })
+        Ok(Self { content: blake3::hash(bytes).to_hex().to_string(), ..map })
     }
 
     /// From rows of linear radiance, the first at the top (+y).

@@ -19,7 +19,8 @@ use crate::sh::{Lobe, basis, order_of};
 /// In the polygon's plane and behind it the light is 0.
 #[derive(Clone, Debug)]
 pub struct Polygon<T> {
-    vertices: Vec<Vector3<T>>,
+    /// Vertices from the centre: a small polygon far away keeps its shape in `f32`.
+    offsets: Vec<Vector3<T>>,
     normal: Vector3<T>,
     /// Mean of the vertices, and the largest distance of a vertex from it.
     center: Vector3<T>,
@@ -68,11 +69,10 @@ impl PolygonFile {
 
 impl<S: Real> Polygon<S> {
     pub fn relative_to<T: Real>(&self, origin: DVec3) -> Polygon<T> {
-        let moved = |v: &Vector3<S>| Vector3::of(v.to_double() - origin);
         Polygon {
-            vertices: self.vertices.iter().map(moved).collect(),
+            offsets: self.offsets.iter().map(|offset| Vector3::of(offset.to_double())).collect(),
             normal: Vector3::of(self.normal.to_double()),
-            center: moved(&self.center),
+            center: Vector3::of(self.center.to_double() - origin),
             extent: T::of(self.extent.to_double()),
             radiance: Rgb::of(self.radiance.to_double().to_array()),
         }
@@ -131,7 +131,7 @@ impl Polygon<f64> {
             ));
         }
         Ok(Self {
-            vertices: vertices.into_iter().map(Vector3::of).collect(),
+            offsets: vertices.into_iter().map(|vertex| Vector3::of(vertex - center)).collect(),
             normal: Vector3::of(normal),
             center: Vector3::of(center),
             extent,
@@ -140,11 +140,11 @@ impl Polygon<f64> {
     }
 
     pub fn transformed(&self, motion: &DAffine3) -> Self {
-        let moved = |v: &Vector3<f64>| Vector3::of(motion.transform_point3(v.to_double()));
+        let turned = |v: &Vector3<f64>| Vector3::of(motion.transform_vector3(v.to_double()));
         Self {
-            vertices: self.vertices.iter().map(moved).collect(),
-            normal: Vector3::of(motion.transform_vector3(self.normal.to_double())),
-            center: moved(&self.center),
+            offsets: self.offsets.iter().map(turned).collect(),
+            normal: turned(&self.normal),
+            center: Vector3::of(motion.transform_point3(self.center.to_double())),
             ..self.clone()
         }
     }
@@ -157,8 +157,9 @@ impl Polygon<f64> {
 }
 
 impl<T: Real> Polygon<T> {
-    pub fn vertices(&self) -> &[Vector3<T>] {
-        &self.vertices
+    /// Counter-clockwise as seen from the lit side.
+    pub fn vertices(&self) -> Vec<Vector3<T>> {
+        self.offsets.iter().map(|offset| self.center + *offset).collect()
     }
     pub fn normal(&self) -> Vector3<T> {
         self.normal
@@ -168,15 +169,15 @@ impl<T: Real> Polygon<T> {
         self.radiance
     }
     pub(super) fn facet(&self) -> Facet<'_, T> {
-        Facet { vertices: &self.vertices, normal: self.normal, center: self.center, extent: self.extent }
+        Facet { offsets: &self.offsets, normal: self.normal, center: self.center, extent: self.extent }
     }
 }
 
 /// A flat convex emitter of unit radiance: what polygons and rectangles share.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Facet<'a, T> {
-    /// Counter-clockwise as seen from the lit side.
-    pub vertices: &'a [Vector3<T>],
+    /// Vertices from the centre, counter-clockwise as seen from the lit side.
+    pub offsets: &'a [Vector3<T>],
     /// Unit normal of the lit side.
     pub normal: Vector3<T>,
     /// A place in the middle, and the distance from it that holds all vertices.
@@ -218,22 +219,37 @@ impl<T: Real> Facet<'_, T> {
     /// Calls `side(start, along)` for every side, relative to `p`.
     #[inline(always)]
     fn sides(&self, p: Vector3<T>, mut side: impl FnMut(Vector3<T>, Vector3<T>)) {
-        let mut from = self.vertices[self.vertices.len() - 1];
-        for &to in self.vertices {
-            side(from - p, to - from);
+        let to_center = self.center - p;
+        let mut from = self.offsets[self.offsets.len() - 1];
+        for &to in self.offsets {
+            side(to_center + from, to - from);
             from = to;
+        }
+    }
+
+    /// The same with how far both ends stand above the horizon of `n`: a vertex has one answer for both of its sides.
+    #[inline(always)]
+    fn facing_sides(&self, p: Vector3<T>, n: Vector3<T>, mut side: impl FnMut(Vector3<T>, Vector3<T>, T, T)) {
+        let to_center = self.center - p;
+        let mut from = self.offsets[self.offsets.len() - 1];
+        let mut facing_from = n.dot(to_center + from);
+        for &to in self.offsets {
+            let facing_to = n.dot(to_center + to);
+            side(to_center + from, to - from, facing_from, facing_to);
+            (from, facing_from) = (to, facing_to);
         }
     }
 
     /// Calls `node(r, dA)` for Radon's rule over a fan of triangles.
     #[inline(always)]
     fn area_nodes(&self, p: Vector3<T>, mut node: impl FnMut(Vector3<T>, T)) {
-        let first = self.vertices[0];
-        for pair in self.vertices[1..].windows(2) {
+        let first = self.offsets[0];
+        let to_first = (self.center - p) + first;
+        for pair in self.offsets[1..].windows(2) {
             let (a, b) = (pair[0] - first, pair[1] - first);
             let area = a.cross(b).length() * T::of(0.5);
             for (along_a, along_b, weight) in radon() {
-                node(first - p + a * T::of(along_a) + b * T::of(along_b), area * T::of(weight));
+                node(to_first + a * T::of(along_a) + b * T::of(along_b), area * T::of(weight));
             }
         }
     }
@@ -243,11 +259,12 @@ impl<T: Real> Facet<'_, T> {
         let Some(height) = self.height(p) else {
             return T::zero();
         };
-        let first = self.vertices[0];
-        let a = first - p;
+        let first = self.offsets[0];
+        let to_center = self.center - p;
+        let a = to_center + first;
         let mut half = T::zero();
-        for pair in self.vertices[1..].windows(2) {
-            let (b, c) = (pair[0] - p, pair[1] - p);
+        for pair in self.offsets[1..].windows(2) {
+            let (b, c) = (to_center + pair[0], to_center + pair[1]);
             let determinant = height * (pair[0] - first).cross(pair[1] - first).length();
             let (la, lb, lc) = (a.length(), b.length(), c.length());
             let divisor = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
@@ -258,8 +275,7 @@ impl<T: Real> Facet<'_, T> {
 
     /// Vertices of the part above the horizon of a receiver with normal `n`, relative to `p`.
     fn above_horizon(&self, p: Vector3<T>, n: Vector3<T>, mut vertex: impl FnMut(Vector3<T>)) {
-        self.sides(p, |a, along| {
-            let (from, to) = (n.dot(a), n.dot(a + along));
+        self.facing_sides(p, n, |a, along, from, to| {
             if (from >= T::zero()) != (to >= T::zero()) {
                 vertex(a + along * (from / (from - to)));
             }
@@ -295,8 +311,7 @@ impl<T: Real> Facet<'_, T> {
     fn lambert(&self, p: Vector3<T>, n: Vector3<T>) -> T {
         let mut sum = T::zero();
         let (mut leaves, mut enters) = (None, None);
-        self.sides(p, |a, along| {
-            let (from, to) = (n.dot(a), n.dot(a + along));
+        self.facing_sides(p, n, |a, along, from, to| {
             let (mut start, mut rest) = (a, along);
             match (from >= T::zero(), to >= T::zero()) {
                 (false, false) => return,
@@ -411,19 +426,19 @@ impl<T: Real> Facet<'_, T> {
     }
 
     pub fn area(&self) -> T {
-        let first = self.vertices[0];
-        let doubled: T = self.vertices[1..].windows(2).map(|w| (w[0] - first).cross(w[1] - first).length()).sum();
+        let first = self.offsets[0];
+        let doubled: T = self.offsets[1..].windows(2).map(|w| (w[0] - first).cross(w[1] - first).length()).sum();
         doubled * T::of(0.5)
     }
 
     /// Uniform over the area: a triangle of the fan by its share, then a place on it.
     pub fn sample(&self, p: Vector3<T>, u: [T; 2]) -> Option<LightSample<T>> {
         self.height(p)?;
-        let first = self.vertices[0];
+        let first = self.offsets[0];
         let area = self.area();
         let mut rest = u[0] * area;
         let mut place = first;
-        for pair in self.vertices[1..].windows(2) {
+        for pair in self.offsets[1..].windows(2) {
             let (a, b) = (pair[0] - first, pair[1] - first);
             let part = a.cross(b).length() * T::of(0.5);
             if rest <= part {
@@ -434,7 +449,7 @@ impl<T: Real> Facet<'_, T> {
             rest -= part;
             place = pair[1];
         }
-        self.sample_at(p, place - p, area)
+        self.sample_at(p, (self.center - p) + place, area)
     }
 
     /// The sample of a place on the emitter that was drawn uniformly over its area.

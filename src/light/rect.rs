@@ -122,8 +122,9 @@ impl<T: Real> Rect<T> {
     }
     #[inline(always)]
     pub(super) fn with_facet<R>(&self, f: impl FnOnce(Facet<'_, T>) -> R) -> R {
-        let vertices = self.corners();
-        f(Facet { vertices: &vertices, normal: self.normal, center: self.center, extent: self.extent() })
+        let (u, v) = (self.u, self.v);
+        let offsets = [-u - v, u - v, u + v, v - u];
+        f(Facet { offsets: &offsets, normal: self.normal, center: self.center, extent: self.extent() })
     }
 }
 

@@ -110,10 +110,10 @@ impl Packed {
     }
 
     fn facet(facet: Facet<'_, f32>, radiance: Rgb<f32>) -> Self {
-        let vertices = facet.vertices.len() as f32;
+        let vertices = facet.offsets.len() as f32;
         Self {
             record: vec![row(facet.center, facet.extent), row(facet.normal, vertices), colour(radiance)],
-            behind: facet.vertices.iter().map(|vertex| row(*vertex, 0.0)).collect(),
+            behind: facet.offsets.iter().map(|offset| row(*offset, 0.0)).collect(),
             is_shared: false,
         }
     }

@@ -84,23 +84,22 @@ impl<T: Real> Tube<T> {
     }
 }
 
-/// Integral of max(0, n.w)/r^2 ds over the segment from `a` to `b` (relative to the point), after clipping it to the horizon:
-/// length (n.a/|a| + n.b/|b|)/(|a||b| + a.b); where a and b point apart, the divisor is |a x b|^2/(|a||b| - a.b).
-fn lambert<T: Real>(a: Vector3<T>, b: Vector3<T>, n: Vector3<T>) -> T {
-    let (from, to) = (n.dot(a), n.dot(b));
-    let side = b - a;
-    let (a, b) = match (from > T::zero(), to > T::zero()) {
-        (false, false) => return T::zero(),
-        (true, true) => (a, b),
-        (true, false) => (a, a + side * (from / (from - to))),
-        (false, true) => (a + side * (from / (from - to)), b),
-    };
-    let (ra, rb, dot) = (a.length(), b.length(), a.dot(b));
-    let cross = a.cross(b - a).length();
-    let divisor = if dot < T::zero() { cross / (ra * rb - dot) * cross } else { ra * rb + dot };
-    let value = (b - a).length() * (n.dot(a).max(T::zero()) / ra + n.dot(b).max(T::zero()) / rb) / divisor;
-    // an end of a clipped piece may reach the point itself, with nothing left of it
-    if value.is_finite() { value } else { T::zero() }
+/// Integral of max(0, n.w)/r^2 ds, of which `weight` is the integral without the cosine: over the arc n.w = size cos(psi - phase), so that
+/// between the ends from and to of its part above the horizon it is weight/angle size 2 cos((from + to)/2 - phase) sin((to - from)/2).
+/// The ends at the horizon are known as angles; clipping the segment itself would lose them beside the tube.
+fn lambert<T: Real>(arc: &Arc<T>, weight: T, n: Vector3<T>) -> T {
+    let (x, y) = (n.dot(arc.start), n.dot(arc.across));
+    if arc.angle <= T::epsilon() {
+        return weight * x.max(T::zero());
+    }
+    let (size, phase, half) = ((x * x + y * y).sqrt(), y.atan2(x), T::of(0.5));
+    let from = (phase - T::FRAC_PI_2()).max(T::zero());
+    let to = (phase + T::FRAC_PI_2()).min(arc.angle);
+    if to <= from {
+        return T::zero();
+    }
+    let (middle, reach) = ((from + to) * half - phase, (to - from) * half);
+    weight / arc.angle * size * T::of(2.0) * middle.cos().max(T::zero()) * reach.sin()
 }
 
 impl<T: Real> UniformEmitter<T> for Tube<T> {
@@ -115,7 +114,7 @@ impl<T: Real> UniformEmitter<T> for Tube<T> {
     fn unit_irradiance(&self, p: Vector3<T>, n: Vector3<T>, lobe: &Lobe<T>) -> Term<T> {
         match self.seen_from(p) {
             None => Term::dropped(T::zero()),
-            Some(_) if lobe.is_lambert() => Term::regular(lambert(self.from - p, self.to - p, n)),
+            Some((arc, weight)) if lobe.is_lambert() => Term::regular(lambert(&arc, weight, n)),
             Some((arc, weight)) => {
                 Term::regular(weight * arc.mean_over_cosine(n, lobe.wrap(), |cosine| lobe.value(cosine)))
             }

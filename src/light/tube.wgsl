@@ -1,29 +1,30 @@
 // Twin of tube.rs for the clamped cosine. Record: from; to; intensity.
 
-// Integral of max(0, n.w)/r^2 ds over the segment from a to b, relative to the point, clipped to the horizon.
-fn tube_irradiance(a0: vec3f, b0: vec3f, n: vec3f) -> f32 {
-    let facing_a = dot(n, a0);
-    let facing_b = dot(n, b0);
-    var a = a0;
-    var b = b0;
-    let side = b0 - a0;
-    if facing_a <= 0.0 && facing_b <= 0.0 { return 0.0; }
-    if facing_b <= 0.0 {
-        b = a0 + side * (facing_a / (facing_a - facing_b));
-    } else if facing_a <= 0.0 {
-        a = a0 + side * (facing_a / (facing_a - facing_b));
+// Integral of max(0, n.w)/r^2 ds over the segment from a to b, relative to the point: over the arc n.w = size cos(psi - phase), between
+// the ends of its part above the horizon, which are known as angles.
+fn tube_irradiance(a: vec3f, b: vec3f, n: vec3f) -> f32 {
+    let side = b - a;
+    let normal = cross(a, side);
+    let sine = length(normal);
+    let cosine = dot(a, b);
+    let start = a / light_reach(a).distance;
+    let facing = dot(n, start);
+    if !(sine > 1e-37) {
+        // in line with the tube, beyond its end; on it the term is dropped
+        let value = length(side) / cosine * max(facing, 0.0);
+        return select(0.0, value, cosine > 0.0 && value <= LARGEST);
     }
-    let ra = light_reach(a).distance;
-    let rb = light_reach(b).distance;
-    let apart = dot(a, b);
-    // where a and b point apart, the divisor would cancel
-    var divisor = ra * rb + apart;
-    if apart < 0.0 {
-        let sine = length(cross(a, b - a));
-        divisor = sine / (ra * rb - apart) * sine;
-    }
-    let value = length(b - a) * (max(dot(n, a), 0.0) / ra + max(dot(n, b), 0.0) / rb) / divisor;
-    // an end of a clipped piece may reach the point itself, with nothing left of it; on the tube the term is dropped
+    let angle = angle_of(sine, cosine);
+    let weight = length(side) / sine;
+    let across = dot(n, cross(normal, start)) / sine;
+    if angle <= 1.2e-7 { return weight * angle * max(facing, 0.0); }
+    let size = sqrt(facing * facing + across * across);
+    let phase = select(1.0, -1.0, across < 0.0) * angle_of(abs(across), facing);
+    let first = max(phase - 0.5 * PI, 0.0);
+    let last = min(phase + 0.5 * PI, angle);
+    if last <= first { return 0.0; }
+    let from_middle = max(0.5 * PI - abs(0.5 * (first + last) - phase), 0.0);
+    let value = weight * size * 2.0 * sine_of(from_middle) * sine_of(0.5 * (last - first));
     return select(0.0, value, value <= LARGEST);
 }
 

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use exr::prelude::{ReadChannels, ReadLayers, read};
 
+use super::guard::{exr_is_believable, hdr_is_believable};
 use super::Picture;
 
 /// Reads linear RGB from an .exr or .hdr file. The error says what is wrong with it, without the file's name.
@@ -27,6 +28,7 @@ pub fn picture_of(bytes: &[u8], path: &Path, layer: Option<&str>) -> Result<Pict
 }
 
 fn read_hdr(bytes: &[u8]) -> Result<Picture, String> {
+    hdr_is_believable(bytes)?;
     let image = image::load_from_memory_with_format(bytes, image::ImageFormat::Hdr)
         .map_err(|e| format!("not a whole Radiance .hdr file: {e}"))?
         .into_rgb32f();
@@ -42,6 +44,7 @@ struct Found {
 }
 
 fn read_exr(bytes: &[u8], wanted: Option<&str>) -> Result<Picture, String> {
+    exr_is_believable(bytes)?;
     let image = read()
         .no_deep_data()
         .largest_resolution_level()

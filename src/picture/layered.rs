@@ -114,14 +114,22 @@ impl LayeredImage {
 
     /// Reads the RGB layers of an OpenEXR file's first part; other channels are left out, and a missing colour is 0.
     pub fn read(path: &Path) -> io::Result<Self> {
+        Self::of_bytes(&std::fs::read(path)?)
+            .map_err(|why| io::Error::new(io::ErrorKind::InvalidData, format!("{}: {why}", path.display())))
+    }
+
+    /// The same from a file's bytes; the error says what is wrong with them.
+    pub fn of_bytes(bytes: &[u8]) -> Result<Self, String> {
+        super::exr_is_believable(bytes)?;
         let image = read()
             .no_deep_data()
             .largest_resolution_level()
             .all_channels()
             .first_valid_layer()
             .all_attributes()
-            .from_file(path)
-            .map_err(|e| io::Error::new(io::ErrorKind::InvalidData, format!("{}: {e}", path.display())))?;
+            .non_parallel()
+            .from_buffered(Cursor::new(bytes))
+            .map_err(|e| e.to_string())?;
         let layer = image.layer_data;
         let (width, height) = (layer.size.width(), layer.size.height());
         let attribute = |name: &str| {

@@ -1,10 +1,12 @@
 //! Pictures: linear RGB images, their tone mapping, and the files that hold them.
 
 mod file;
+mod guard;
 mod layered;
 mod tone;
 
 pub use file::{picture_of, read_picture};
+pub use guard::{exr_is_believable, hdr_is_believable};
 pub use layered::LayeredImage;
 pub use tone::{Exposure, linear_of_srgb, srgb_of_linear};
 

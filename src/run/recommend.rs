@@ -229,6 +229,7 @@ impl CostModel {
 fn recipe(rig: &AnyRig, order: usize, arithmetic: Arithmetic) -> Recipe {
     Recipe {
         rig: Some(rig.clone()),
+        volume: None,
         order,
         gradients: GradientSource::Analytic,
         window: Window::None,

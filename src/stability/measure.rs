@@ -10,7 +10,7 @@ use super::naive;
 use super::rig_definitions::{Coefficients, Defined};
 use crate::candidate::{Arithmetic, CandidateError, Counts, GpuBench, Probes, Recipe, Surroundings, prepare};
 use crate::experiment::Backend;
-use crate::light::{self, Light};
+use crate::light::{self, Disk, Light, Polygon, Rect, UniformEmitter};
 use crate::math::{Rgb, Vector3};
 use crate::probe::GradientSource;
 use crate::rig::interpolation::Interpolation;
@@ -131,6 +131,7 @@ struct Stage {
 fn recipe(rig: Option<&AnyRig>, order: Option<usize>, arithmetic: Arithmetic) -> Recipe {
     Recipe {
         rig: rig.cloned(),
+        volume: None,
         order: order.unwrap_or(1),
         gradients: GradientSource::Analytic,
         window: Window::None,
@@ -254,11 +255,14 @@ impl Rounded {
             lights: case
                 .lights
                 .iter()
-                .map(|light| light.relative_to::<f32>(case.bounds.center).relative_to::<f64>(DVec3::ZERO))
+                .map(|light| unit_again(light.relative_to::<f32>(case.bounds.center).relative_to::<f64>(DVec3::ZERO)))
                 .collect(),
             points: points
                 .iter()
-                .map(|p| SurfacePoint { position: round(p.position - case.bounds.center), normal: round(p.normal) })
+                .map(|p| SurfacePoint {
+                    position: round(p.position - case.bounds.center),
+                    normal: round(p.normal).normalize(),
+                })
                 .collect(),
         }
     }
@@ -273,6 +277,26 @@ impl Rounded {
         let lobe = Lobe::lambert();
         let of = |p: &SurfacePoint| light::irradiance(&lights, Vector3::of(p.position), Vector3::of(p.normal), &lobe);
         self.points.iter().map(|p| u64::from(of(p).singular)).sum()
+    }
+}
+
+/// A light whose rounded normal is a unit vector again, and stands upright on its plane.
+fn unit_again(light: Light<f64>) -> Light<f64> {
+    match light {
+        Light::Disk(disk) => {
+            let normal = Vector3::of(disk.normal.to_double().normalize());
+            Light::Disk(Disk { normal, ..disk })
+        }
+        Light::Rect(rect) => {
+            let [a, b, c, d] = rect.corners().map(Vector3::to_double);
+            let upright = Rect::new(0.25 * (a + b + c + d), 0.5 * (b - a), 0.5 * (d - a), rect.colour());
+            Light::Rect(upright.unwrap_or(rect))
+        }
+        Light::Polygon(polygon) => {
+            let vertices: Vec<DVec3> = polygon.vertices().into_iter().map(Vector3::to_double).collect();
+            Light::Polygon(Polygon::new(&vertices, polygon.colour()).unwrap_or(polygon))
+        }
+        other => other,
     }
 }
 

@@ -19,7 +19,7 @@ pub fn irradiance(lights: &[Light<f32>], p: V, n: V) -> Option<Rgb<f32>> {
             Light::Sphere(light) => (light.colour(), sphere(light.center - p, light.radius, n)),
             Light::Disk(light) => (light.colour(), disk(light.center - p, light.normal, light.radius, n)),
             Light::Rect(light) => (light.colour(), polygon(&light.corners(), light.normal(), p, n)),
-            Light::Polygon(light) => (light.colour(), polygon(light.vertices(), light.normal(), p, n)),
+            Light::Polygon(light) => (light.colour(), polygon(&light.vertices(), light.normal(), p, n)),
             Light::Tube(light) => (light.colour(), tube(light.from - p, light.to - p, n)),
             Light::Point(light) => {
                 let to = light.position - p;
