@@ -4,8 +4,8 @@ use std::path::Path;
 
 use exr::prelude::{ReadChannels, ReadLayers, read};
 
-use super::guard::{exr_is_believable, hdr_is_believable};
 use super::Picture;
+use super::guard::{exr_is_believable, hdr_is_believable};
 
 /// Reads linear RGB from an .exr or .hdr file. The error says what is wrong with it, without the file's name.
 ///
