@@ -92,7 +92,10 @@ fn lambert<T: Real>(arc: &Arc<T>, weight: T, n: Vector3<T>) -> T {
     if arc.angle <= T::epsilon() {
         return weight * x.max(T::zero());
     }
-    let (size, phase, half) = ((x * x + y * y).sqrt(), y.atan2(x), T::of(0.5));
+    let (size, half) = ((x * x + y * y).sqrt(), T::of(0.5));
+    let turned = y.atan2(x);
+    // the quarter turns about the phase in which the arc, from 0 to pi at most, may lie
+    let phase = if turned < -T::FRAC_PI_2() { turned + T::TAU() } else { turned };
     let from = (phase - T::FRAC_PI_2()).max(T::zero());
     let to = (phase + T::FRAC_PI_2()).min(arc.angle);
     if to <= from {

@@ -19,7 +19,9 @@ fn tube_irradiance(a: vec3f, b: vec3f, n: vec3f) -> f32 {
     let across = dot(n, cross(normal, start)) / sine;
     if angle <= 1.2e-7 { return weight * angle * max(facing, 0.0); }
     let size = sqrt(facing * facing + across * across);
-    let phase = select(1.0, -1.0, across < 0.0) * angle_of(abs(across), facing);
+    let turned = select(1.0, -1.0, across < 0.0) * angle_of(abs(across), facing);
+    // the quarter turns about the phase in which the arc, from 0 to pi at most, may lie
+    let phase = turned + select(0.0, TAU, turned < -0.5 * PI);
     let first = max(phase - 0.5 * PI, 0.0);
     let last = min(phase + 0.5 * PI, angle);
     if last <= first { return 0.0; }
