@@ -54,13 +54,17 @@ fn the_pruned_search_finds_the_winner_of_the_exhaustive_one() {
     let (mut pruned, mut whole) = (Work::default(), Work::default());
     let mut none = 0;
     let mut winners = std::collections::BTreeSet::new();
-    for (name, places, target) in &cases {
+    let mut last_won = 0;
+    for (number, (name, places, target)) in cases.iter().enumerate() {
         let costs = costs(&rigs, 1);
         let (winner, everything) = exhaustive(places, 2, *target, &rigs, &costs);
         assert_eq!(everything, exhaustive_work(places, &rigs), "{name}");
         let found = Search::new(places, 2, *target).run(&rigs, &costs, 0);
         let expected = winner.map(|w| toml(&rigs[w]));
         assert_eq!(found.ranking.first().map(|r| r.toml.clone()), expected, "{name} at {target}");
+        if expected.is_some() {
+            last_won = number;
+        }
         winners.extend(expected);
         none += usize::from(winner.is_none());
         pruned.projections += found.work.projections;
@@ -79,7 +83,7 @@ fn the_pruned_search_finds_the_winner_of_the_exhaustive_one() {
     // the test can fail: a search with other costs finds another winner
     let mut other = costs(&rigs, 1);
     other.eval_ns.values_mut().for_each(|v| *v = 1e3 - *v);
-    let (_, places, target) = &cases[0];
+    let (_, places, target) = &cases[last_won];
     let cheap = Search::new(places, 2, *target).run(&rigs, &costs(&rigs, 1), 0).ranking[0].toml.clone();
     let dear = Search::new(places, 2, *target).run(&rigs, &other, 0).ranking[0].toml.clone();
     assert_ne!(cheap, dear);

@@ -503,7 +503,9 @@ fn hdr_files() {
 }
 
 fn exr() -> Vec<u8> {
-    let picture = rigbench::picture::Picture::from_fn(8, 4, |x, y| [x as f32, y as f32, 0.5]);
+    let picture = rigbench::picture::Picture::from_fn(32, 16, |x, y| {
+        [(x * y) as f32 * 0.37, (y as f32).sin().abs(), 0.5 / (x + 1) as f32]
+    });
     LayeredImage {
         layers: vec![(String::new(), picture.clone()), ("error".to_owned(), picture)],
         key: "a".to_owned(),
@@ -536,9 +538,9 @@ fn hostile_pictures_are_refused_at_once() {
     assert!(EnvironmentMap::of_bytes(Path::new("a.hdr"), &huge).unwrap_err().contains("at most"));
     let wide = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8192 +X 16384\n\x02\x02\x00\x08".to_vec();
     assert!(EnvironmentMap::of_bytes(Path::new("a.hdr"), &wide).unwrap_err().contains("cut short"));
-    // the data window's far corner, wherever it stands: 8 x 4 pixels end at (7, 3)
+    // the data window's far corner, wherever it stands: 32 x 16 pixels end at (31, 15)
     let bytes = exr();
-    let window: Vec<u8> = [0i32, 0, 7, 3].iter().flat_map(|v| v.to_le_bytes()).collect();
+    let window: Vec<u8> = [0i32, 0, 31, 15].iter().flat_map(|v| v.to_le_bytes()).collect();
     let mut found = 0;
     for (far, word) in [([1 << 20, 1 << 20], "at most"), ([1 << 13, 1 << 14], "bytes")] {
         let mut hostile = bytes.clone();

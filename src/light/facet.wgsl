@@ -54,9 +54,10 @@ fn facet_flux(r: vec3f, n: vec3f, height: f32) -> f32 {
     return height / squared * (max(dot(n, r), 0.0) / squared);
 }
 
-// The integral of that over a triangle, by the midpoints of its sides.
-fn facet_triangle(a: vec3f, b: vec3f, c: vec3f, n: vec3f, height: f32) -> f32 {
-    let thrice = facet_flux(0.5 * (a + b), n, height) + facet_flux(0.5 * (b + c), n, height) + facet_flux(0.5 * (c + a), n, height);
+// The integral of that over a triangle of corners from the centre, by the midpoints of its sides.
+fn facet_triangle(to_center: vec3f, a: vec3f, b: vec3f, c: vec3f, n: vec3f, height: f32) -> f32 {
+    let thrice = facet_flux(to_center + 0.5 * (a + b), n, height) + facet_flux(to_center + 0.5 * (b + c), n, height)
+        + facet_flux(to_center + 0.5 * (c + a), n, height);
     return thrice * 0.5 * length(cross(b - a, c - a)) / 3.0;
 }
 
@@ -66,24 +67,22 @@ fn facet_small(first: u32, count: u32, to_center: vec3f, n: vec3f, height: f32) 
     var corner = vec3f(0.0);
     var before = vec3f(0.0);
     var found = 0u;
-    var from_center = lights[first + count - 1u].xyz;
-    var a = to_center + from_center;
-    var facing_a = dot(n, a);
+    let facing_center = dot(n, to_center);
+    var a = lights[first + count - 1u].xyz;
+    var facing_a = facing_center + dot(n, a);
     for (var i = 0u; i < count; i++) {
-        let next = lights[first + i].xyz;
-        let b = to_center + next;
-        let facing_b = dot(n, b);
+        let b = lights[first + i].xyz;
+        let facing_b = facing_center + dot(n, b);
         // the crossing of the horizon, then the vertex itself
         for (var k = 0u; k < 2u; k++) {
             let crosses = (facing_a >= 0.0) != (facing_b >= 0.0);
             if (k == 0u && !crosses) || (k == 1u && facing_b < 0.0) { continue; }
             var vertex = b;
-            if k == 0u { vertex = a + (next - from_center) * (facing_a / (facing_a - facing_b)); }
-            if found >= 2u { sum += facet_triangle(corner, before, vertex, n, height); }
+            if k == 0u { vertex = a + (b - a) * (facing_a / (facing_a - facing_b)); }
+            if found >= 2u { sum += facet_triangle(to_center, corner, before, vertex, n, height); }
             if found == 0u { corner = vertex; } else { before = vertex; }
             found++;
         }
-        from_center = next;
         a = b;
         facing_a = facing_b;
     }

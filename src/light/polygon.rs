@@ -273,16 +273,21 @@ impl<T: Real> Facet<'_, T> {
         half + half
     }
 
-    /// Vertices of the part above the horizon of a receiver with normal `n`, relative to `p`.
+    /// Vertices of the part above the horizon of a receiver with normal `n`, from the centre.
     fn above_horizon(&self, p: Vector3<T>, n: Vector3<T>, mut vertex: impl FnMut(Vector3<T>)) {
-        self.facing_sides(p, n, |a, along, from, to| {
-            if (from >= T::zero()) != (to >= T::zero()) {
-                vertex(a + along * (from / (from - to)));
+        let facing_center = n.dot(self.center - p);
+        let mut from = self.offsets[self.offsets.len() - 1];
+        let mut facing_from = facing_center + n.dot(from);
+        for &to in self.offsets {
+            let facing_to = facing_center + n.dot(to);
+            if (facing_from >= T::zero()) != (facing_to >= T::zero()) {
+                vertex(from + (to - from) * (facing_from / (facing_from - facing_to)));
             }
-            if to >= T::zero() {
-                vertex(a + along);
+            if facing_to >= T::zero() {
+                vertex(to);
             }
-        });
+            (from, facing_from) = (to, facing_to);
+        }
     }
 
     pub fn irradiance(&self, p: Vector3<T>, n: Vector3<T>, lobe: &Lobe<T>) -> T {
@@ -341,7 +346,9 @@ impl<T: Real> Facet<'_, T> {
     /// The integral of h n.r/|r|^4 over the part above the horizon, by the midpoints of the sides of a fan of triangles.
     fn small_lambert(&self, p: Vector3<T>, n: Vector3<T>, height: T) -> T {
         let half = T::of(0.5);
-        let value = |r: Vector3<T>| {
+        let to_center = self.center - p;
+        let value = |offset: Vector3<T>| {
+            let r = to_center + offset;
             let squared = r.length_squared();
             height / squared * (n.dot(r).max(T::zero()) / squared)
         };
