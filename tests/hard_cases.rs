@@ -19,12 +19,12 @@ fn shipped() -> HardCases {
 fn a_part_of_the_shipped_hard_cases_holds_its_thresholds() {
     let mut cases = shipped();
     for family in &mut cases.families {
-        // the regular end, every third value and the three at the singular end
+        // the regular end, every fourth value and the three at the singular end
         let count = family.cases.len();
         let mut index = 0;
         family.cases.retain(|_| {
             index += 1;
-            (index - 1) % 3 == 0 || index + 3 > count
+            (index - 1) % 4 == 0 || index + 3 > count
         });
     }
     let on_cpu = |_: &rigbench::stability::Family, id: &CurveId| !id.gpu && id.order.is_none_or(|order| order == 3);
@@ -42,7 +42,7 @@ fn a_part_of_the_shipped_hard_cases_holds_its_thresholds() {
     let all = held(&cases.bounds, &run);
     let broken: Vec<_> = all.iter().filter(|one| !one.holds()).collect();
     assert!(broken.is_empty(), "{broken:#?}");
-    assert!(all.len() > 300, "{} curves under thresholds", all.len());
+    assert!(all.len() > 250, "{} curves under thresholds", all.len());
     // what is held can fail: the same errors a thousand times as large break most of the thresholds on errors
     for curve in &mut run.curves {
         if let CurveEnding::Ok(points) = &mut curve.ending {
@@ -100,7 +100,9 @@ fn independent_routes_agree_with_the_lights() {
                 }
             }
         }
-        assert!(worst < 1e-10, "{text}: {worst:e}");
+        // the point's derivatives are central differences of sixth order
+        let allowed = if text.starts_with("point") { 1e-8 } else { 1e-10 };
+        assert!(worst < allowed, "{text}: {worst:e}");
         assert!(wrong > 1e-8, "{text}: a light a millionth too bright must not pass");
     }
 }
@@ -115,5 +117,5 @@ fn expressions_and_values_make_the_cases() {
     }
     assert!((family.cases[0].t - 1.0).abs() < 1e-12 && (family.cases[14].t / 1e-7 - 1.0).abs() < 1e-9);
     let moved = cases.families.iter().find(|f| f.name == "moved").unwrap().cases.last().unwrap();
-    assert!(moved.bounds.center.distance(DVec3::new(1e5, -1e5, 5e4)) < 1e-6);
+    assert!(moved.bounds.center.distance(DVec3::new(1.1e5, -0.9e5, 0.7e5)) < 1e-6);
 }
