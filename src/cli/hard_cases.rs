@@ -92,6 +92,7 @@ impl HardArguments {
             Ok(done) => done,
             Err(SweepError::NoGpu(why)) => return Err(Failure::new(Exit::NoGpu, why)),
             Err(SweepError::Store(error)) => return Err(error.into()),
+            Err(SweepError::Engine(why)) => return Err(Failure::internal(why)),
         };
         hard_cases::write(&cases, &done, &store)?;
         let failed = done.count(|ending| matches!(ending, CurveEnding::Failed(_)));

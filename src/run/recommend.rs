@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, HashMap};
 use super::block::{Block, BlockRequest, Part};
 use super::{ArrayCache, TimingSettings};
 use crate::candidate::{Arithmetic, CandidateError, GpuBench, Probes, Recipe, Surroundings, local_points, prepare};
-use crate::light::{self, Light};
+use crate::light::{self, Light, LightModel};
 use crate::math::{Rgb, Vector3};
 use crate::metric::rms;
 use crate::probe::GradientSource;
@@ -230,6 +230,8 @@ fn recipe(rig: &AnyRig, order: usize, arithmetic: Arithmetic) -> Recipe {
     Recipe {
         rig: Some(rig.clone()),
         volume: None,
+        lights: LightModel::EXACT,
+        transition: None,
         order,
         gradients: GradientSource::Analytic,
         window: Window::None,

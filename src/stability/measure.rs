@@ -10,7 +10,7 @@ use super::naive;
 use super::rig_definitions::{Coefficients, Defined};
 use crate::candidate::{Arithmetic, CandidateError, Counts, GpuBench, Probes, Recipe, Surroundings, prepare};
 use crate::experiment::Backend;
-use crate::light::{self, Disk, Light, Polygon, Rect, UniformEmitter};
+use crate::light::{self, Disk, Light, LightModel, Polygon, Rect, UniformEmitter};
 use crate::math::{Rgb, Vector3};
 use crate::probe::GradientSource;
 use crate::rig::interpolation::Interpolation;
@@ -132,6 +132,8 @@ fn recipe(rig: Option<&AnyRig>, order: Option<usize>, arithmetic: Arithmetic) ->
     Recipe {
         rig: rig.cloned(),
         volume: None,
+        lights: LightModel::EXACT,
+        transition: None,
         order: order.unwrap_or(1),
         gradients: GradientSource::Analytic,
         window: Window::None,
