@@ -455,7 +455,7 @@ max = 0.05
         ("name = \"test\"", "name = \"a/b\"", "\"a/b\"", "names a folder", ""),
         ("name = \"test\"", "name = \"..\"", "\"..\"", "names a folder", ""),
         ("name = \"test\"", "name = \"test\"\nkind = \"sweeep\"", "\"sweeep\"", "unknown kind", "`sweep`"),
-        ("name = \"test\"", "name = \"test\"\nkind = \"stability\"", "\"stability\"", "not available", ""),
+        ("name = \"test\"", "name = \"test\"\nkind = \"stability\"", "\"stability\"", "hard cases", ""),
         ("name = \"test\"", "name = \"test\"\nseed = -1", "-1", "not negative", ""),
         ("name = \"test\"", "name = \"test\"\nseed = 1.5", "1.5", "whole number", ""),
         ("width = 64", "widht = 64", "widht", "unknown field", "`width`"),
