@@ -266,7 +266,7 @@ impl HardCases {
             required("name", text()),
             optional("title", text()),
             required("parameter", parameter),
-            optional("rig", described(some(text()), "a part of the matrix's; absent: all")),
+            optional("rig", described(list(text()), "a part of the matrix's; absent: all")),
             required("box", table([optional("center", vector()), required("half", vector())])),
             optional("light", list(light)),
             required("point", some(table([required("position", vector()), optional("normals", list(vector()))]))),
