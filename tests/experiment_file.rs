@@ -492,7 +492,13 @@ max = 0.05
         ("order = [2, 3]", "window = [\"sofft\"]", "\"sofft\"", "unknown window", "`soft`"),
         ("order = [2, 3]", "gradient_source = [\"central\"]", "\"central\"", "needs parameters", "step"),
         ("order = [2, 3]", "light_model = [\"walace\"]", "\"walace\"", "unknown light model", "`wallace`"),
-        ("order = [2, 3]", "probe_source = [\"capture\"]", "\"capture\"", "unknown probe source `capture`", "`captured`"),
+        (
+            "order = [2, 3]",
+            "probe_source = [\"capture\"]",
+            "\"capture\"",
+            "unknown probe source `capture`",
+            "`captured`",
+        ),
         // light models, transitions, frames, studies
         (
             "[window.soft]",

@@ -21,6 +21,7 @@ pub struct HardArguments {
     pub backend: Option<String>,
     pub force: bool,
     pub figures: bool,
+    pub report: bool,
 }
 
 impl HardArguments {
@@ -107,6 +108,9 @@ impl HardArguments {
             let table = Table::read(&store.root().join("results.csv")).map_err(Failure::internal)?;
             let drawn = figures_of(&table, store.root()).map_err(Failure::internal)?;
             eprintln!("{} figures in {}", drawn.len(), store.root().join("figures").display());
+        }
+        if self.report && !done.interrupted {
+            super::report::write(store.root())?;
         }
         print(summary(&cases, &done))?;
         let mut exit = say_thresholds(&cases, &done);

@@ -248,6 +248,7 @@ impl Run {
             backend: self.backend,
             force: self.force,
             figures: !self.no_figures,
+            report: !self.no_report,
         }
     }
 }

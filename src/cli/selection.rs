@@ -50,6 +50,7 @@ impl Selection {
             backend: self.backend.clone(),
             force: self.force,
             figures: false,
+            report: false,
         })
     }
 
