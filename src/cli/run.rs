@@ -207,6 +207,8 @@ pub(super) fn finish(
     no_figures: bool,
     no_report: bool,
 ) -> Result<Exit, Failure> {
+    let stored = store.root().join("results.csv");
+    let before = std::fs::read(&stored).ok();
     results::write(experiment, swept, store)?;
     study::write(&experiment.studies, store.root())?;
     let skipped = swept.runs.iter().filter(|run| matches!(run.ending, Ending::Skipped(_))).count();
@@ -225,7 +227,10 @@ pub(super) fn finish(
     }
     print(summary(&table))?;
     say_claims(experiment, swept, store)?;
-    if !no_report && !swept.interrupted {
+    // a repeat that found nothing new leaves the page as it is
+    let is_told =
+        before.is_some() && before == std::fs::read(&stored).ok() && store.root().join("report.html").exists();
+    if !no_report && !swept.interrupted && !is_told {
         super::report::write(store.root())?;
     }
     let mut exit = say_thresholds(experiment, store)?;
