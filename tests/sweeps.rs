@@ -6,6 +6,8 @@ mod fire;
 mod gate;
 #[path = "sweeps/slurm.rs"]
 mod slurm;
+#[path = "sweeps/volumes.rs"]
+mod volumes;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -1,5 +1,10 @@
 //! Laws of irradiance volumes: what cells hold, what interpolation reproduces, what happens across levels, what heuristics divide.
 
+#[path = "volumes/heuristics.rs"]
+mod heuristics;
+#[path = "volumes/lookups.rs"]
+mod lookups;
+
 use std::f64::consts::PI;
 
 use glam::DVec3;

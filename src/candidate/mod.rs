@@ -9,7 +9,7 @@ pub use prepared::{
     Arithmetic, CandidateError, Counts, GpuBench, Lit, Recipe, Surroundings, Timed, prepare, prepare_volume,
 };
 pub use transition::{FarField, Transition, direct_shares, light_errors, nearer_than_served};
-pub use volume::Reading;
+pub use volume::{Reading, along_path};
 
 use rayon::prelude::*;
 

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
+
 use super::local_points;
 use super::prepared::{
     CandidateError, Counts, CpuTimes, GpuBench, Lit, Pipeline, Surroundings, Timed, TimedGpu, rounds,
@@ -9,7 +11,7 @@ use super::prepared::{
 use crate::cost::{Samples, seconds_of};
 use crate::gpu::{Evaluator, PreparedEvaluation};
 use crate::math::{Real, Rgb, Vector3};
-use crate::rig::{AnyRig, Gradient, LocalPoints, Model, Rig, RigModel, ShVectors};
+use crate::rig::{AnyRig, Gradient, LocalPoints, Model, Packed, Rig, RigModel, ShVectors, scattered_irradiance};
 use crate::scene::{Mesh, OrientedBox, SurfacePoint};
 use crate::sh::{Lobe, coefficients};
 use crate::volume::{BakedVolume, CellShader, Lookup, VolumeModel};
@@ -32,11 +34,11 @@ pub struct Reading<'a> {
 #[derive(Clone, Debug)]
 pub(super) enum Read<T: Real> {
     /// The volume itself, at every point.
-    PerPoint { model: VolumeModel<T>, vectors: ShVectors<T> },
+    PerPoint { model: VolumeModel<T>, vectors: Packed<T> },
     /// Vectors at the vertices.
     PerVertex(VertexLight<T>),
     /// One vector with its gradient over the receiver's box.
-    PerObject { model: Model<T>, vectors: ShVectors<T> },
+    PerObject { model: Model<T>, vectors: Packed<T> },
 }
 
 /// A volume on the CPU.
@@ -96,6 +98,31 @@ fn object_vectors(baked: &BakedVolume, boxes: &[OrientedBox], at: (usize, f64)) 
     ShVectors { order: baked.values.order, data: state }
 }
 
+/// Radiance vectors at an object's centre, step after step through all of its animation: by time where the volume is read by time, else
+/// at `places`; smoothed where objects read it so, a step being a frame.
+pub fn along_path(baked: &BakedVolume, places: &[DVec3], object: usize) -> Vec<Vec<f64>> {
+    let steps = places.len().saturating_sub(1).max(1) as f64;
+    let reader = (!baked.volume.is_path()).then(|| (baked.model::<f64>(), baked.vectors()));
+    let read = |(k, place): (usize, &DVec3)| match &reader {
+        None => baked.along_path(object, k as f64 / steps)[0].clone(),
+        Some((model, vectors)) => {
+            let mut sum = vec![0.0; vectors.stride()];
+            model.taps(Vector3::of(baked.bounds.local(*place)), &mut |vector, weight| {
+                sum.iter_mut().zip(vectors.vector(vector)).for_each(|(s, v)| *s += weight * v);
+            });
+            sum
+        }
+    };
+    let mut seen: Vec<Vec<f64>> = places.iter().enumerate().map(read).collect();
+    for k in 1..seen.len() {
+        let (before, rest) = seen.split_at_mut(k);
+        for (now, last) in rest[0].iter_mut().zip(&before[k - 1]) {
+            *now = last + baked.volume.smoothing * (*now - last);
+        }
+    }
+    seen
+}
+
 fn read<T: Real>(
     baked: &BakedVolume,
     boxes: &[OrientedBox],
@@ -108,7 +135,7 @@ fn read<T: Real>(
             let half = boxes[boxes.len() - 1].half;
             Read::PerObject {
                 model: AnyRig::Gradient(Gradient {}).model(half),
-                vectors: object_vectors(baked, boxes, at).rounded::<T>().convolved(lobe.bands()),
+                vectors: Packed::new(object_vectors(baked, boxes, at).rounded::<T>().convolved(lobe.bands())),
             }
         }
         (Lookup::PerVertex, Some(mesh)) => {
@@ -117,31 +144,30 @@ fn read<T: Real>(
         }
         // an object without a surface has no vertices
         (Lookup::PerPoint | Lookup::PerVertex, _) => {
-            Read::PerPoint { model: baked.model(), vectors: baked.vectors().rounded::<T>().convolved(lobe.bands()) }
+            let vectors = baked.vectors().rounded::<T>().convolved(lobe.bands());
+            Read::PerPoint { model: baked.model(), vectors: Packed::new(vectors) }
         }
     }
 }
 
 impl<T: Real> Read<T> {
     fn irradiance(&self, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
-        match self {
-            Read::PerPoint { model, vectors } => {
-                with_order!(vectors.order, C => model.irradiance::<C>(vectors, points, out));
-            }
-            Read::PerObject { model, vectors } => {
-                with_order!(vectors.order, C => model.irradiance::<C>(vectors, points, out));
-            }
-            Read::PerVertex(light) => {
-                with_order!(light.vectors.order, C => light.irradiance::<C>(points, out));
-            }
-        }
+        let order = match self {
+            Read::PerPoint { vectors, .. } | Read::PerObject { vectors, .. } => vectors.vectors().order,
+            Read::PerVertex(light) => light.vectors.vectors().order,
+        };
+        with_order!(order, C => match self {
+            Read::PerPoint { model, vectors } => model.packed_irradiance::<C>(vectors, points, out),
+            Read::PerObject { model, vectors } => model.packed_irradiance::<C>(vectors, points, out),
+            Read::PerVertex(light) => scattered_irradiance::<T, _, C>(light, &light.vectors, points, out),
+        });
     }
 }
 
 /// Vectors at a mesh's vertices, interpolated over its triangles.
 #[derive(Clone, Debug)]
-pub(super) struct VertexLight<T> {
-    vectors: ShVectors<T>,
+pub(super) struct VertexLight<T: Real> {
+    vectors: Packed<T>,
     finder: crate::scene::SurfaceFinder,
 }
 
@@ -155,7 +181,8 @@ impl<T: Real> VertexLight<T> {
                 sum.iter_mut().zip(vectors.vector(vector)).for_each(|(s, v)| *s += weight * *v);
             });
         }
-        Self { vectors: ShVectors { order: vectors.order, data }, finder: crate::scene::SurfaceFinder::new(mesh) }
+        let vectors = Packed::new(ShVectors { order: vectors.order, data });
+        Self { vectors, finder: crate::scene::SurfaceFinder::new(mesh) }
     }
 
     /// The triangle's place in the list and two barycentric weights stand where coordinates would.
@@ -167,23 +194,16 @@ impl<T: Real> VertexLight<T> {
         }
         local
     }
+}
 
-    fn irradiance<const C: usize>(&self, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
-        for (i, e) in out.iter_mut().enumerate() {
-            let [triangle, u, v] = points.q(i).to_array();
-            let corners = self.finder.triangle(triangle.to_usize().unwrap_or(0));
-            let weights = [T::one() - u - v, u, v];
-            let y = crate::sh::basis::<T, C>(points.n(i));
-            let mut sum = Rgb::zero();
-            for (corner, weight) in corners.iter().zip(weights) {
-                let vector = self.vectors.vector(*corner as usize);
-                let mut dot = Rgb::zero();
-                for k in 0..C {
-                    dot += Rgb::new(vector[3 * k], vector[3 * k + 1], vector[3 * k + 2]) * y[k];
-                }
-                sum += dot * weight;
-            }
-            *e = sum;
+impl<T: Real> RigModel<T> for VertexLight<T> {
+    /// By a triangle's place in the list and two barycentric weights.
+    #[inline]
+    fn taps(&self, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
+        let [triangle, u, v] = q.to_array();
+        let corners = self.finder.triangle(triangle.to_usize().unwrap_or(0));
+        for (corner, weight) in corners.iter().zip([T::one() - u - v, u, v]) {
+            tap(*corner as usize, weight);
         }
     }
 }

@@ -23,6 +23,7 @@ use super::svg::VERSION;
 use super::table::{
     Group, Matrix, Row, Table, by_what_they_keep, family, groups, is_software, name, named_first, varying_axes,
 };
+use super::volumes;
 use crate::cost::Samples;
 use crate::output::write_whole;
 use crate::picture::LayeredImage;
@@ -125,6 +126,26 @@ fn draw(table: &Table, folder: &Path, target: &Path) -> io::Result<Vec<String>> 
         let parts = ["volumes", group.key[0], group.key[1], group.key[2], &adapter];
         let same = group.clone();
         jobs.add(&parts, move || volume_sections(&same, folder));
+        if volumes::are_volumes(&group.rows) {
+            let figures: [(&str, fn(&Group, String) -> Option<Figure>); 4] = [
+                ("pops", volumes::pops),
+                ("places", volumes::places),
+                ("by-distance", volumes::by_distance),
+                ("sizes", volumes::sizes),
+            ];
+            for (what, figure) in figures {
+                let parts = [what, group.key[0], group.key[1], group.key[2], &adapter];
+                let same = group.clone();
+                jobs.add(&parts, move || figure(&same, case_line(&same)));
+            }
+            let parts = ["walks", group.key[0], group.key[1], group.key[2], &adapter];
+            let same = group.clone();
+            jobs.add(&parts, move || volumes::walks(&same, case_line(&same), folder));
+            for (series, figure) in volumes::source_series(&group, &case_line(&group)) {
+                let parts = ["by", &series, group.key[0], group.key[1], group.key[2], &adapter];
+                jobs.add(&parts, move || Some(figure.clone()));
+            }
+        }
         let parts = ["frames", group.key[0], group.key[1], group.key[2], &adapter];
         let key = group.key.clone();
         jobs.add(&parts, move || against_frame(table, &key));
@@ -247,6 +268,7 @@ fn case_line(group: &Group) -> String {
 
 fn fronts(group: &Group, column: &str, label: &str, title: &str) -> Option<Figure> {
     let varying = varying_axes(&group.rows);
+    let volumes = volumes::are_volumes(&group.rows);
     let points: Vec<Point> = group
         .rows
         .iter()
@@ -255,7 +277,10 @@ fn fronts(group: &Group, column: &str, label: &str, title: &str) -> Option<Figur
             run: r.text("run").to_owned(),
             order: r.number("order").filter(|_| varying.contains(&"order")).map(|o| o as u32),
             error: r.number(column),
-            costs: COSTS.iter().map(|c| r.number(c.column)).collect(),
+            costs: COSTS
+                .iter()
+                .map(|c| r.number(c.column).filter(|_| c.volumes.is_none_or(|of| of == volumes)))
+                .collect(),
         })
         .collect();
     let usable = points.iter().filter(|p| p.error.is_some() && p.costs.iter().any(Option::is_some)).count();

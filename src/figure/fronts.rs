@@ -17,6 +17,8 @@ pub struct Cost {
     pub format: Format,
     /// From the column's unit to the one that the format writes.
     pub factor: f64,
+    /// Whether it is drawn where all candidates are volumes, or only where they are not; both where this says nothing.
+    pub volumes: Option<bool>,
 }
 
 pub const COSTS: &[Cost] = &[
@@ -26,6 +28,7 @@ pub const COSTS: &[Cost] = &[
         short: "frame time (vertices)",
         format: Format::Unit("s"),
         factor: 1e-6,
+        volumes: Some(false),
     },
     Cost {
         column: "frame_us_1m",
@@ -33,13 +36,64 @@ pub const COSTS: &[Cost] = &[
         short: "frame time (a million points)",
         format: Format::Unit("s"),
         factor: 1e-6,
+        volumes: Some(false),
     },
-    Cost { column: "setup_us", label: "setup, each frame", short: "setup", format: Format::Unit("s"), factor: 1e-6 },
-    Cost { column: "model_bytes", label: "model size", short: "model size", format: Format::Unit("B"), factor: 1.0 },
-    Cost { column: "samples", label: "samples of the volume", short: "samples", format: Format::Plain, factor: 1.0 },
-    Cost { column: "bake_s", label: "bake", short: "bake", format: Format::Unit("s"), factor: 1.0 },
-    Cost { column: "bake_rays", label: "rays of the bake", short: "rays", format: Format::Plain, factor: 1.0 },
-    Cost { column: "sh_vectors", label: "SH vectors kept", short: "SH vectors", format: Format::Plain, factor: 1.0 },
+    Cost {
+        column: "setup_us",
+        label: "setup, each frame",
+        short: "setup",
+        format: Format::Unit("s"),
+        factor: 1e-6,
+        volumes: Some(false),
+    },
+    Cost {
+        column: "samples",
+        label: "samples of the volume",
+        short: "samples",
+        format: Format::Plain,
+        factor: 1.0,
+        volumes: Some(true),
+    },
+    Cost {
+        column: "model_bytes",
+        label: "model size",
+        short: "model size",
+        format: Format::Unit("B"),
+        factor: 1.0,
+        volumes: None,
+    },
+    Cost {
+        column: "bake_s",
+        label: "bake, all threads",
+        short: "bake",
+        format: Format::Unit("s"),
+        factor: 1.0,
+        volumes: Some(true),
+    },
+    Cost {
+        column: "bake_rays",
+        label: "rays of the bake",
+        short: "rays",
+        format: Format::Plain,
+        factor: 1.0,
+        volumes: Some(true),
+    },
+    Cost {
+        column: "eval_ns_per_point",
+        label: "lookup, a point",
+        short: "lookup",
+        format: Format::Unit("s"),
+        factor: 1e-9,
+        volumes: Some(true),
+    },
+    Cost {
+        column: "sh_vectors",
+        label: "SH vectors kept",
+        short: "SH vectors",
+        format: Format::Plain,
+        factor: 1.0,
+        volumes: Some(false),
+    },
 ];
 
 /// A candidate in a figure of fronts.

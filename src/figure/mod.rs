@@ -27,6 +27,7 @@ pub mod style;
 pub mod summary;
 mod svg;
 pub mod table;
+mod volumes;
 mod wrap_lobe;
 
 use std::io;

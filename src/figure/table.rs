@@ -158,11 +158,15 @@ pub fn groups<'a>(rows: impl IntoIterator<Item = Row<'a>>, columns: &[&str]) -> 
     groups
 }
 
-/// The axes, beside the rig, on which rows differ.
+/// The axes on which rows of one rig differ, and the order where any rows do: what the rig's name does not say already.
 pub fn varying_axes<'a>(rows: &[Row<'a>]) -> Vec<&'static str> {
     let varies = |axis: &&str| {
-        let mut values = rows.iter().map(|r| r.text(axis)).filter(|v| !v.is_empty());
-        values.next().is_some_and(|first| values.any(|v| v != first))
+        let mut of_rig: HashMap<&str, &str> = HashMap::new();
+        let mut values = rows.iter().filter(|r| !r.text(axis).is_empty());
+        values.any(|row| {
+            let rig = if *axis == "order" { "" } else { row.text("rig") };
+            *of_rig.entry(rig).or_insert_with(|| row.text(axis)) != row.text(axis)
+        })
     };
     NAME_AXES.into_iter().filter(varies).collect()
 }

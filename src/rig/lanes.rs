@@ -7,7 +7,7 @@ use super::gradient::GradientModel;
 use super::lattice::LatticeModel;
 use super::mixed::MixedModel;
 use super::rbf::RbfModel;
-use super::{LocalPoints, RigModel, ShVectors, wide};
+use super::{LocalPoints, Packed, RigModel, ShVectors, wide};
 use crate::math::{Real, Rgb, Vector3};
 
 /// A number, or several side by side, in the arithmetic that weights need.
@@ -108,6 +108,14 @@ pub trait LaneModel<T: Real> {
     {
         wide::irradiance::<T, Self, C>(self, vectors, points, out);
     }
+
+    /// [`RigModel::packed_irradiance`].
+    fn lane_packed<const C: usize>(&self, packed: &Packed<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>])
+    where
+        Self: Sized,
+    {
+        wide::packed_irradiance::<T, Self, C>(self, packed, points, out);
+    }
 }
 
 /// A model's weights one place at a time, for the plain loop.
@@ -131,6 +139,10 @@ macro_rules! rig_models_of_lanes {
 
             fn irradiance<const C: usize>(&self, vectors: &ShVectors<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
                 self.lane_irradiance::<C>(vectors, points, out);
+            }
+
+            fn packed_irradiance<const C: usize>(&self, packed: &Packed<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
+                self.lane_packed::<C>(packed, points, out);
             }
         })+
     };

@@ -2,7 +2,7 @@ use serde::Deserialize;
 
 use super::grid::{AxisNames, Grid, effective_count, grid_placement, has_extent};
 use super::interpolation::{Interpolation, InterpolationChoice};
-use super::{Lane, LaneModel, LocalPoints, Model, Resolving, Rig, RigTable, SampleRequest, ShVectors};
+use super::{Lane, LaneModel, LocalPoints, Model, Packed, Resolving, Rig, RigTable, SampleRequest, ShVectors};
 use crate::input::{Finite, InputError, Spanned};
 use crate::math::{Real, Rgb};
 
@@ -128,5 +128,9 @@ impl<T: Real> LaneModel<T> for LatticeModel<T> {
 
     fn lane_irradiance<const C: usize>(&self, vectors: &ShVectors<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
         self.interpolation.irradiance::<T, C>(&self.grid, vectors, points, out);
+    }
+
+    fn lane_packed<const C: usize>(&self, packed: &Packed<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
+        self.interpolation.packed_irradiance::<T, C>(&self.grid, packed, points, out);
     }
 }

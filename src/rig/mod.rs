@@ -31,7 +31,7 @@ pub use lanes::{Lane, LaneModel};
 pub use lattice::Lattice;
 pub use mixed::{AxisModel, Mixed};
 pub use rbf::{Centers, Kernel, Rbf, RbfSolver};
-pub use wide::available as wide_available;
+pub use wide::{Packed, available as wide_available, scattered_irradiance};
 
 use std::ops::Range;
 
@@ -166,6 +166,11 @@ pub trait RigModel<T: Real> {
     fn irradiance<const C: usize>(&self, vectors: &ShVectors<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
         plain_irradiance::<T, Self, C>(self, vectors, points, out);
     }
+
+    /// The same from vectors that were laid out beforehand.
+    fn packed_irradiance<const C: usize>(&self, packed: &Packed<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
+        self.irradiance::<C>(packed.vectors(), points, out);
+    }
 }
 
 /// The evaluation that every rig has, in its shortest correct form, one point at a time: basis at the normal, then
@@ -286,6 +291,9 @@ macro_rules! rigs {
             }
             fn irradiance<const C: usize>(&self, vectors: &ShVectors<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
                 match self { $(Model::$rig(model) => model.irradiance::<C>(vectors, points, out)),+ }
+            }
+            fn packed_irradiance<const C: usize>(&self, packed: &Packed<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
+                match self { $(Model::$rig(model) => model.packed_irradiance::<C>(packed, points, out)),+ }
             }
         }
     };

@@ -10,7 +10,7 @@
 //! to the vectors. Difference at most 16 roundings of 2^-24 relative to the sum of the terms' absolute values (tested on the catalogue).
 
 use super::lanes::{LaneModel, OneLane};
-use super::{LocalPoints, ShVectors, plain_irradiance};
+use super::{LocalPoints, RigModel, ShVectors, plain_irradiance};
 use crate::math::{Real, Rgb};
 
 /// Whether this processor runs the wide code.
@@ -25,6 +25,65 @@ pub fn available() -> bool {
     }
 }
 
+/// SH vectors as the wide code reads them, laid out once for many evaluations: what an engine uploads.
+#[derive(Clone, Debug)]
+pub struct Packed<T: Real> {
+    vectors: ShVectors<T>,
+    /// Empty where the wide code does not run.
+    #[cfg(target_arch = "x86_64")]
+    rows: Vec<lanes::Row>,
+}
+
+impl<T: Real> Packed<T> {
+    pub fn new(vectors: ShVectors<T>) -> Self {
+        Self {
+            #[cfg(target_arch = "x86_64")]
+            rows: if lanes::is_single::<T>() && available() {
+                crate::with_order!(vectors.order, C => lanes::packed::<T, C>(&vectors))
+            } else {
+                Vec::new()
+            },
+            vectors,
+        }
+    }
+
+    pub fn vectors(&self) -> &ShVectors<T> {
+        &self.vectors
+    }
+}
+
+/// E at every point: [`LaneModel::lane_packed`] of every rig that brings no other.
+#[inline]
+pub fn packed_irradiance<T: Real, M: LaneModel<T>, const C: usize>(
+    model: &M,
+    packed: &Packed<T>,
+    points: &LocalPoints<T>,
+    out: &mut [Rgb<T>],
+) {
+    #[cfg(target_arch = "x86_64")]
+    if lanes::is_single::<T>() && available() {
+        // SAFETY: AVX2 and FMA were found.
+        return unsafe { lanes::irradiance::<T, M, C>(model, &packed.rows, points, out) };
+    }
+    plain_irradiance::<T, _, C>(&OneLane(model), &packed.vectors, points, out);
+}
+
+/// E at every point by a model whose places have taps of their own: weights one place at a time, sums and basis in registers.
+#[inline]
+pub fn scattered_irradiance<T: Real, M: RigModel<T>, const C: usize>(
+    model: &M,
+    packed: &Packed<T>,
+    points: &LocalPoints<T>,
+    out: &mut [Rgb<T>],
+) {
+    #[cfg(target_arch = "x86_64")]
+    if lanes::is_single::<T>() && available() {
+        // SAFETY: AVX2 and FMA were found.
+        return unsafe { lanes::scattered::<T, M, C>(model, &packed.rows, points, out) };
+    }
+    plain_irradiance::<T, _, C>(model, &packed.vectors, points, out);
+}
+
 /// E at every point: [`LaneModel::lane_irradiance`] of every rig that brings no other.
 #[inline]
 pub fn irradiance<T: Real, M: LaneModel<T>, const C: usize>(
@@ -36,7 +95,7 @@ pub fn irradiance<T: Real, M: LaneModel<T>, const C: usize>(
     #[cfg(target_arch = "x86_64")]
     if lanes::is_single::<T>() && available() {
         // SAFETY: AVX2 and FMA were found.
-        return unsafe { lanes::irradiance::<T, M, C>(model, vectors, points, out) };
+        return unsafe { lanes::irradiance::<T, M, C>(model, &lanes::packed::<T, C>(vectors), points, out) };
     }
     plain_irradiance::<T, _, C>(&OneLane(model), vectors, points, out);
 }
@@ -64,7 +123,7 @@ mod lanes {
     use std::marker::PhantomData;
     use std::ops::{Add, Div, Mul, Sub};
 
-    use super::{LaneModel, LocalPoints, ShVectors};
+    use super::{LaneModel, LocalPoints, RigModel, ShVectors};
     use crate::math::{Real, Rgb};
     use crate::rig::Lane;
     use crate::sh::{normalisation, order_of};
@@ -91,9 +150,9 @@ mod lanes {
         Rgb::of(channels.map(f64::from))
     }
 
-    #[derive(Clone, Copy, Default)]
+    #[derive(Clone, Copy, Debug, Default)]
     #[repr(C, align(32))]
-    struct Row([f32; WIDTH]);
+    pub struct Row([f32; WIDTH]);
 
     impl Row {
         #[inline]
@@ -117,7 +176,7 @@ mod lanes {
     }
 
     /// SH vectors by registers: for each channel its parts, then (r, g, b, 0...) of the constant terms; normalisations multiplied in.
-    fn packed<T: Real, const C: usize>(vectors: &ShVectors<T>) -> Vec<Row> {
+    pub fn packed<T: Real, const C: usize>(vectors: &ShVectors<T>) -> Vec<Row> {
         let parts = const { parts_of(C) };
         let registers = 3 * parts + 1;
         let mut norm = [0.0f32; C];
@@ -379,15 +438,52 @@ mod lanes {
         }
     }
 
+    /// The basis of the eight normals from `start` on, eight coefficients a register, point by point.
+    #[inline]
+    #[target_feature(enable = "avx2,fma")]
+    fn basis_of_block<const C: usize>(normals: &[&[f32]; 3], start: usize) -> [[__m256; MOST_PARTS]; WIDTH] {
+        let [x, y, z] = [load(normals[0], start), load(normals[1], start), load(normals[2], start)];
+        let by_coefficient = polynomials::<C>(x, y, z);
+        // turned from eight points a coefficient to eight coefficients a point
+        let mut basis = [[_mm256_setzero_ps(); MOST_PARTS]; WIDTH];
+        for part in 0..const { parts_of(C) } {
+            let columns = transposed(&by_coefficient[part]);
+            for point in 0..WIDTH {
+                basis[point][part] = columns[point];
+            }
+        }
+        basis
+    }
+
+    /// The dot products of a point's sum with its basis.
+    #[inline]
+    #[target_feature(enable = "avx2,fma")]
+    fn dot<const C: usize>(sum: &[__m256; MOST_REGISTERS], basis: &[__m256; MOST_PARTS]) -> [f32; 3] {
+        let parts = const { parts_of(C) };
+        let mut channels = [_mm256_setzero_ps(); 3];
+        for channel in 0..3 {
+            for part in 0..parts {
+                channels[channel] = _mm256_fmadd_ps(sum[channel * parts + part], basis[part], channels[channel]);
+            }
+        }
+        // (r, g, b, b) of the two halves of the registers, then their sum and the constant terms
+        let [r, g, b] = channels;
+        let halves = _mm256_hadd_ps(_mm256_hadd_ps(r, g), _mm256_hadd_ps(b, b));
+        let total = _mm_add_ps(_mm256_castps256_ps128(halves), _mm256_extractf128_ps::<1>(halves));
+        let total = _mm_add_ps(total, _mm256_castps256_ps128(sum[3 * parts]));
+        let mut rgb = [0.0f32; 4];
+        // SAFETY: four floats
+        unsafe { _mm_storeu_ps(rgb.as_mut_ptr(), total) };
+        [rgb[0], rgb[1], rgb[2]]
+    }
+
     #[target_feature(enable = "avx2,fma")]
     pub fn irradiance<T: Real, M: LaneModel<T>, const C: usize>(
         model: &M,
-        vectors: &ShVectors<T>,
+        packed: &[Row],
         points: &LocalPoints<T>,
         out: &mut [Rgb<T>],
     ) {
-        let parts = const { parts_of(C) };
-        let packed = packed::<T, C>(vectors);
         let places: [&[f32]; 3] = std::array::from_fn(|axis| bytemuck::cast_slice(&points.q[axis]));
         let normals: [&[f32]; 3] = std::array::from_fn(|axis| bytemuck::cast_slice(&points.n[axis]));
         let mut taps = Taps {
@@ -410,7 +506,7 @@ mod lanes {
             taps.overflowed = false;
             model.lane_taps::<Eight<T>>(q, &mut |first, offset, weight| {
                 if taps.count == MOST_TAPS {
-                    taps.overflow::<C>(&packed);
+                    taps.overflow::<C>(packed);
                 }
                 // SAFETY: eight whole numbers
                 unsafe { _mm256_storeu_si256(taps.first.as_mut_ptr().cast(), first) };
@@ -418,34 +514,45 @@ mod lanes {
                 taps.weights[taps.count].store(weight.0);
                 taps.count += 1;
             });
-            // basis, then turned from eight points a coefficient to eight coefficients a point
-            let [x, y, z] = [load(normals[0], start), load(normals[1], start), load(normals[2], start)];
-            let by_coefficient = polynomials::<C>(x, y, z);
-            let mut basis = [[_mm256_setzero_ps(); MOST_PARTS]; WIDTH];
-            for part in 0..parts {
-                let columns = transposed(&by_coefficient[part]);
-                for point in 0..WIDTH {
-                    basis[point][part] = columns[point];
-                }
-            }
+            let basis = basis_of_block::<C>(&normals, start);
             for (point, e) in out.iter_mut().enumerate() {
-                let sum = taps.sum::<C>(&packed, point);
-                let mut channels = [_mm256_setzero_ps(); 3];
-                for channel in 0..3 {
-                    for part in 0..parts {
-                        channels[channel] =
-                            _mm256_fmadd_ps(sum[channel * parts + part], basis[point][part], channels[channel]);
+                *e = widened(dot::<C>(&taps.sum::<C>(packed, point), &basis[point]));
+            }
+        }
+    }
+
+    /// Most taps of a point: 27 nodes of a cell with derivatives.
+    const MOST_SCATTERED: usize = 128;
+
+    #[target_feature(enable = "avx2,fma")]
+    pub fn scattered<T: Real, M: RigModel<T>, const C: usize>(
+        model: &M,
+        packed: &[Row],
+        points: &LocalPoints<T>,
+        out: &mut [Rgb<T>],
+    ) {
+        let registers = const { 3 * parts_of(C) + 1 };
+        let normals: [&[f32]; 3] = std::array::from_fn(|axis| bytemuck::cast_slice(&points.n[axis]));
+        let mut taps = [(0u32, 0.0f32); MOST_SCATTERED];
+        for (block, out) in out.chunks_mut(WIDTH).enumerate() {
+            let start = block * WIDTH;
+            let basis = basis_of_block::<C>(&normals, start);
+            for (point, e) in out.iter_mut().enumerate() {
+                let mut count = 0;
+                model.taps(points.q(start + point), &mut |vector, weight| {
+                    taps[count] = (vector as u32, single(weight));
+                    count += 1;
+                });
+                let mut sum = [_mm256_setzero_ps(); MOST_REGISTERS];
+                for (vector, weight) in &taps[..count] {
+                    let weight = _mm256_set1_ps(*weight);
+                    let place = *vector as usize * registers;
+                    let rows = &packed[place..place + registers];
+                    for k in 0..registers {
+                        sum[k] = _mm256_fmadd_ps(weight, rows[k].load(), sum[k]);
                     }
                 }
-                // (r, g, b, b) of the two halves of the registers, then their sum and the constant terms
-                let [r, g, b] = channels;
-                let halves = _mm256_hadd_ps(_mm256_hadd_ps(r, g), _mm256_hadd_ps(b, b));
-                let total = _mm_add_ps(_mm256_castps256_ps128(halves), _mm256_extractf128_ps::<1>(halves));
-                let total = _mm_add_ps(total, _mm256_castps256_ps128(sum[3 * parts]));
-                let mut rgb = [0.0f32; 4];
-                // SAFETY: four floats
-                unsafe { _mm_storeu_ps(rgb.as_mut_ptr(), total) };
-                *e = widened([rgb[0], rgb[1], rgb[2]]);
+                *e = widened(dot::<C>(&sum, &basis[point]));
             }
         }
     }

@@ -43,6 +43,9 @@ pub struct Part {
     pub reference: Reference,
     /// By order: irradiance from SH that is exact at every point.
     pub truncated: BTreeMap<usize, Vec<Rgb<f64>>>,
+    /// What is true on its way through the animation, [`WALK_PLACES`] places: the mean irradiance over all normals. Empty where no one
+    /// asked, or it stands still.
+    pub walk: Vec<Rgb<f64>>,
 }
 
 /// The pixels of a block and their reference.
@@ -117,6 +120,8 @@ pub struct BlockRequest<'a> {
     pub sampled: Option<Sampling<'a>>,
     /// Whether the reference is wanted; timing needs the points alone.
     pub reference: bool,
+    /// Whether the reference along the objects' paths is wanted.
+    pub walks: bool,
 }
 
 /// What a receiver's reference took; kept beside its values, so that one from the cache tells it too.
@@ -134,8 +139,12 @@ pub struct Sampling<'a> {
     pub seed: u64,
 }
 
+/// Places on an object's way at which the truth is found.
+pub const WALK_PLACES: usize = 65;
 /// Irradiance under this share of the mean is dark.
 const DARK_SHARE: f64 = 0.01;
+/// Quarters of the points by their distance to static geometry, the nearest first.
+const QUARTERS: [&str; 4] = ["near", "second", "third", "far"];
 /// Distances to static geometry are measured one triangle after the other, up to so many.
 const MOST_STATICS: usize = 10_000;
 
@@ -155,7 +164,7 @@ impl Sampling<'_> {
 impl Block {
     /// Points, exact reference and truncated SH, from the cache where they are in it.
     pub fn new(request: BlockRequest, cache: &ArrayCache) -> Self {
-        let BlockRequest { scene, frame, lights, orders, image, key, sampled, reference: wanted } = request;
+        let BlockRequest { scene, frame, lights, orders, image, key, sampled, reference: wanted, walks } = request;
         let kept = key.as_ref().and_then(|key| cache.load(key)).unwrap_or_default();
         let mut simulated: BTreeMap<usize, Simulated> = serde_json::from_value(kept.notes.clone()).unwrap_or_default();
         let mut fresh = Arrays::default();
@@ -200,7 +209,27 @@ impl Block {
                     (*order, values)
                 })
                 .collect();
+            let walk = match walks && receiver.moves() {
+                false => Vec::new(),
+                true => known(format!("{index}.walk"), WALK_PLACES, &mut || {
+                    // the mean over normals is what one band gives, whatever the normal
+                    let places: Vec<SurfacePoint> = (0..WALK_PLACES)
+                        .map(|k| SurfacePoint {
+                            position: receiver.center_along(k, WALK_PLACES),
+                            normal: glam::DVec3::Y,
+                        })
+                        .collect();
+                    match sampled {
+                        Some(s) => {
+                            let lobe = Lobe::<f64>::lambert();
+                            reference::truncated_traced(s.transport, &places, &lobe, 1, s.seed, s.effort())
+                        }
+                        None => reference::truncated(&lights, &places, &Lobe::lambert(), &[1]).remove(0),
+                    }
+                }),
+            };
             parts.push(Part {
+                walk,
                 receiver: receiver.name.clone(),
                 bounds,
                 wrap: receiver.material.wrap,
@@ -477,7 +506,7 @@ impl Film {
         if let Some(error) = nrmse_where(&|_, point| at_boundary(point.position)) {
             found.insert("boundary_nrmse".to_owned(), error);
         }
-        if !statics.is_empty() && statics.len() <= MOST_STATICS {
+        if !statics.is_empty() && statics.len() <= MOST_STATICS && self.answers(values).count() >= QUARTERS.len() {
             let places: Vec<glam::DVec3> = self.answers(values).map(|(point, ..)| point.position).collect();
             let clearance: Vec<f64> = places
                 .par_iter()
@@ -485,9 +514,19 @@ impl Film {
                 .collect();
             let mut sorted = clearance.clone();
             sorted.sort_unstable_by(f64::total_cmp);
-            let near = sorted[sorted.len() / 4];
-            if let Some(error) = nrmse_where(&|index, _| clearance[index] <= near) {
-                found.insert("near_nrmse".to_owned(), error);
+            // four quarters of the points, from the nearest on
+            for (quarter, name) in QUARTERS.iter().enumerate() {
+                let from = if quarter == 0 { -1.0 } else { sorted[quarter * sorted.len() / 4 - 1] };
+                let to = sorted[(quarter + 1) * sorted.len() / 4 - 1];
+                let inside = |clearance: f64| clearance > from && clearance <= to;
+                if let Some(error) = nrmse_where(&|index, _| inside(clearance[index])) {
+                    found.insert(format!("{name}_nrmse"), error);
+                }
+                let (sum, count) =
+                    clearance.iter().filter(|c| inside(**c)).fold((0.0, 0usize), |(sum, n), c| (sum + c, n + 1));
+                if count > 0 {
+                    found.insert(format!("{name}_m"), sum / count as f64);
+                }
             }
         }
         found

@@ -17,6 +17,7 @@ mod store;
 pub mod study;
 mod sweep;
 mod timing;
+mod walk;
 mod worker;
 
 use crate::experiment::TimingSettings;

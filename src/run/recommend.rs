@@ -253,6 +253,7 @@ impl Place {
                 image: None,
                 key: None,
                 sampled: None,
+                walks: false,
                 reference: true,
             },
             &ArrayCache::at(std::path::Path::new("")),

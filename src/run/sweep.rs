@@ -14,6 +14,7 @@ use super::crew::{Crew, CrewOptions};
 use super::progress::Progress;
 use super::slurm::SlurmOptions;
 use super::timing::{Times, time_block};
+use super::walk;
 use super::{ArrayCache, Claim, Reason, Record, Store, StoreError, interrupt, write_atomic};
 use crate::candidate::{Arithmetic, GpuBench, Probes, Recipe};
 use crate::cost::pareto::front;
@@ -169,8 +170,8 @@ pub(super) enum Step<'e> {
 /// Hears of every step, from any thread.
 pub(super) type Tell<'t> = &'t (dyn Fn(usize, Step) + Sync);
 
-/// The folder of cuts through volumes, one a run.
-const SECTIONS: &str = "volumes";
+/// The folder of cuts through volumes and of walks in them, by run.
+const VOLUMES: &str = "volumes";
 
 /// Texels along the edge of a captured face where the experiment does not say.
 const FACE: u32 = 32;
@@ -398,7 +399,8 @@ fn film_of(work: &Workshop, stage: &Stage, runs: &[Run], block: &[usize]) -> Fil
     let picture = (first.lights.instance.index.is_none() && image.keep != Keep::None)
         .then_some((image.width as usize, image.height as usize));
     let cache = if work.force { work.cache.unread() } else { work.cache.clone() };
-    stage.film(work.experiment, first, orders, picture, true, &cache)
+    let walks = block.iter().any(|i| runs[*i].candidate.volume().is_some());
+    stage.film(work.experiment, first, orders, picture, Wanted { reference: true, walks }, &cache)
 }
 
 /// Whether what the runs of a candidate's block share is sampled, and whether it is kept.
@@ -479,6 +481,14 @@ fn orders_of<'c>(candidates: impl Iterator<Item = &'c Candidate>) -> Vec<usize> 
     orders
 }
 
+/// What of the reference is wanted; timing needs the points alone.
+#[derive(Clone, Copy, Default)]
+struct Wanted {
+    reference: bool,
+    /// Along the objects' paths.
+    walks: bool,
+}
+
 /// The static environment of a block's scene and the effects that are simulated in it.
 struct Stage {
     tracer: Tracer,
@@ -522,14 +532,14 @@ impl Stage {
         Transport::new(&self.tracer, lights, self.effects)
     }
 
-    /// All frames, with what their candidates share. `wanted`: the reference too, not the points alone.
+    /// All frames, with what their candidates share.
     fn film(
         &self,
         experiment: &Experiment,
         candidate: &Candidate,
         orders: Vec<usize>,
         picture: Option<(usize, usize)>,
-        wanted: bool,
+        wanted: Wanted,
         cache: &ArrayCache,
     ) -> Film {
         let scene = &candidate.scene;
@@ -540,7 +550,7 @@ impl Stage {
                 let transport = self.is_sampled().then(|| self.transport(&lights));
                 let image = picture.filter(|_| frame == picture_frame);
                 // exact references of random layouts are computed faster than they are kept
-                let keep = wanted && (self.is_sampled() || candidate.lights.instance.index.is_none());
+                let keep = wanted.reference && (self.is_sampled() || candidate.lights.instance.index.is_none());
                 let part = json!({ "frame": frame });
                 Block::new(
                     BlockRequest {
@@ -555,7 +565,8 @@ impl Stage {
                             settings: experiment.reference,
                             seed: experiment.seed,
                         }),
-                        reference: wanted,
+                        reference: wanted.reference,
+                        walks: wanted.walks && frame == 0,
                     },
                     cache,
                 )
@@ -594,7 +605,7 @@ fn compute(
     let judged = catch_unwind(AssertUnwindSafe(|| judge(run, recipe, stage, film, bench)));
     match judged {
         Ok(Ok(findings)) => {
-            keep_section(run, recipe, stage, store)?;
+            keep_tables(run, recipe, stage, film, store)?;
             for (metric, why) in &findings.pooled.reasons {
                 writer.log(&format!("{metric}: {why}"))?;
             }
@@ -618,15 +629,24 @@ fn compute(
     }
 }
 
-/// Keeps a cut through a run's volume and the scene around it, from above, for the debug picture.
-fn keep_section(run: &Run, recipe: &Result<Recipe, String>, stage: &Stage, store: &Store) -> Result<(), StoreError> {
+/// Keeps a cut through a run's volume and the scene around it, from above, for the debug picture, and the walks of what moves.
+fn keep_tables(
+    run: &Run,
+    recipe: &Result<Recipe, String>,
+    stage: &Stage,
+    film: &Film,
+    store: &Store,
+) -> Result<(), StoreError> {
     let Some(baked) = recipe.as_ref().ok().and_then(|recipe| recipe.volume.as_ref()) else { return Ok(()) };
+    let path = |what: &str| store.root().join(VOLUMES).join(format!("{}{what}.csv", run.identity.key().run()));
+    let walks = walk::walks(baked, &run.candidate.scene);
+    if !walks.is_empty() {
+        write_atomic(&path("-walk"), walk::to_csv(&walks, &film.frames[0]).as_bytes())?;
+    }
     if baked.volume.is_path() {
         return Ok(());
     }
-    let text = baked.section(1, stage.tracer.triangles()).to_csv();
-    let path = store.root().join(SECTIONS).join(format!("{}.csv", run.identity.key().run()));
-    write_atomic(&path, text.as_bytes())
+    write_atomic(&path(""), baked.section(1, stage.tracer.triangles()).to_csv().as_bytes())
 }
 
 fn judge(
@@ -641,6 +661,10 @@ fn judge(
         .cast(recipe, run.candidate.freeze_frame(), &stage.transports(film), bench)
         .map_err(|error| error.to_string())?;
     let mut findings = film.judge(recipe, &cast, stage.tracer.triangles()).map_err(|error| error.to_string())?;
+    if let Some(baked) = &recipe.volume {
+        let jump = walk::walks(baked, &run.candidate.scene).iter().map(walk::Walk::jump).reduce(f64::max);
+        findings.pooled.values.extend(jump.map(|jump| ("path_jump".to_owned(), jump)));
+    }
     findings.effects = stage.effects.to_string();
     let on_gpu = bench.filter(|_| run.candidate.backend == Backend::Gpu);
     findings.adapter = on_gpu.map(|bench| bench.gpu.adapter().label());
@@ -800,7 +824,7 @@ pub(super) fn time(
     let experiment = work.experiment;
     let first = &runs[block[0]].candidate;
     let stage = Stage::new(experiment, first);
-    let film = stage.film(experiment, first, Vec::new(), None, false, work.cache);
+    let film = stage.film(experiment, first, Vec::new(), None, Wanted::default(), work.cache);
     let frame = &film.frames[first.freeze_frame().unwrap_or(picture_frame(experiment, film.frames.len()))];
     let transport = stage.is_sampled().then(|| stage.transport(&frame.lights));
     let recipe = |i: &usize| stage.recipe(experiment, &runs[*i].candidate, &film, work.bakery);
@@ -928,7 +952,8 @@ pub(super) fn picture(work: &Workshop, runs: &[Run], block: &[usize]) -> Result<
     let size = (experiment.image.width as usize, experiment.image.height as usize);
     let first = &runs[block[0]].candidate;
     let stage = Stage::new(experiment, first);
-    let film = stage.film(experiment, first, Vec::new(), Some(size), true, work.cache);
+    let wanted = Wanted { reference: true, walks: false };
+    let film = stage.film(experiment, first, Vec::new(), Some(size), wanted, work.cache);
     let frame = picture_frame(experiment, film.frames.len());
     let Some(view) = &film.frames[frame].view else { return Ok(Vec::new()) };
     let reference = view.picture(&view.reference);

@@ -709,7 +709,8 @@ impl BakedVolume {
         }
     }
 
-    /// The interpolated radiance vector at box coordinates and its derivatives along the box's axes: those of the samples, trilinearly.
+    /// The interpolated radiance vector at box coordinates and its derivatives along the box's axes: a sample made of samples. The
+    /// derivatives have the weights of the values; where those use derivatives themselves, trilinear ones.
     pub fn value_and_slopes(&self, q: [f64; 3]) -> [Vec<f64>; 4] {
         let stride = self.values.stride();
         let vectors = self.vectors();
@@ -719,8 +720,10 @@ impl BakedVolume {
         });
         let mut slopes = [vec![0.0; stride], vec![0.0; stride], vec![0.0; stride]];
         if let Some(kept) = &self.slopes {
+            let own = self.volume.interpolation;
             let linear = Interpolation::named("trilinear", 1.0).expect("a word of the list");
-            let plain = Self { volume: Volume { interpolation: linear, ..self.volume.clone() }, ..self.shallow() };
+            let interpolation = if own.uses_derivatives() { linear } else { own };
+            let plain = Self { volume: Volume { interpolation, ..self.volume.clone() }, ..self.shallow() };
             plain.model::<f64>().taps(Vector3::from_array(q), &mut |sample, weight| {
                 for (axis, slope) in slopes.iter_mut().enumerate() {
                     slope.iter_mut().zip(kept.vector(3 * sample + axis)).for_each(|(s, v)| *s += weight * v);
@@ -761,15 +764,40 @@ impl BakedVolume {
         }
     }
 
+    /// Its cells and the vectors of their samples; a grid's cells are the boxes between its samples. None where an axis has no cell.
+    fn as_cells(&self) -> Option<(Arc<Cells>, ShVectors<f64>)> {
+        let vectors = self.vectors();
+        match &self.layout {
+            Layout::Cells(cells) => Some((cells.clone(), vectors)),
+            Layout::Path(_) => None,
+            Layout::Grid(samples) if samples.contains(&1) => None,
+            Layout::Grid(samples) => {
+                let cells = Cells::of_forest(&Forest::new(samples.map(|n| n as u32 - 1), 0), self.bounds.half);
+                let per = vectors.count() / self.places.len();
+                let stride = vectors.stride() * per;
+                let data = cells.places.iter().flat_map(|place| {
+                    let [x, y, z] = place.map(|units| units as usize / 2);
+                    let sample = x + samples[0] * (y + samples[1] * z);
+                    vectors.data[sample * stride..(sample + 1) * stride].iter().copied()
+                });
+                let vectors = ShVectors { order: vectors.order, data: data.collect() };
+                Some((Arc::new(cells), vectors))
+            }
+        }
+    }
+
     /// The largest jump across a face between cells, RMS over normals of the irradiance difference of its two sides at 3 x 3 places of
-    /// the face, over the mean of the samples; and that of the faces between levels alone.
+    /// the face, over the mean of the samples; and that of the faces between levels alone. The nearest sample changes in the middle
+    /// between two: there it jumps by all of their difference.
     pub fn face_jump(&self) -> Option<FaceJump> {
-        let Layout::Cells(cells) = &self.layout else { return None };
+        let (cells, vectors) = self.as_cells()?;
         let bands = Lobe::<f64>::lambert().bands().to_vec();
         let model = CellModel::<f64>::new(cells.clone(), self.volume.interpolation, self.across());
-        let vectors = self.vectors();
         let mean = (0..self.places.len()).map(|i| rms_over_normals(self.values.vector(i), &bands)).sum::<f64>()
             / self.places.len() as f64;
+        if mean <= 0.0 {
+            return None;
+        }
         let at = |cell: usize, q: Vector3<f64>| {
             let mut sum = vec![0.0; vectors.stride()];
             model.taps_of_cell(cell, q, &mut |vector, weight| {
@@ -796,8 +824,16 @@ impl BakedVolume {
             })
             .collect();
         let largest = |faces: &mut dyn Iterator<Item = f64>| faces.fold(0.0, f64::max);
+        let between_samples = match self.volume.interpolation {
+            Interpolation::Nearest(_) => self
+                .edges()
+                .iter()
+                .map(|[a, b]| difference(self.values.vector(*a as usize), self.values.vector(*b as usize)))
+                .fold(0.0, |most: f64, apart| most.max(rms_over_normals(&apart, &bands) / mean)),
+            _ => 0.0,
+        };
         Some(FaceJump {
-            all: largest(&mut jumps.iter().map(|(jump, _)| *jump)),
+            all: largest(&mut jumps.iter().map(|(jump, _)| *jump)).max(between_samples),
             between_levels: largest(&mut jumps.iter().filter(|(_, between)| *between).map(|(jump, _)| *jump)),
         })
     }

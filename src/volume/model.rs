@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::cells::{Cells, NONE};
-use crate::math::{Real, Vector3};
+use crate::math::{Real, Rgb, Vector3};
 use crate::rig::interpolation::{Interpolation, corrected_nodes, hermite_nodes, linear_nodes};
-use crate::rig::{Grid, GridAxis, LocalPoints, Model, Nodes, RigModel, ShVectors};
+use crate::rig::{Grid, GridAxis, LocalPoints, Model, Nodes, Packed, RigModel, ShVectors, scattered_irradiance};
 
 /// How a cell meets finer neighbours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -70,15 +70,17 @@ pub fn can_be_continuous(interpolation: &Interpolation) -> bool {
 /// What all cells of one size share.
 #[derive(Clone, Debug)]
 struct Scale<T> {
-    size: u32,
     /// Over the cell.
     grid: Grid<T>,
     /// Over one of its eight parts.
     part: Grid<T>,
-    /// [`Profile::middle`] along the axes, then as weights of the cell's ends for the nodes 0, 1 and 2 of an edge:
-    /// `[axis][node][what][end][of what]`.
-    transfer: [[[[[T; 2]; 2]; 2]; 3]; 3],
+    /// What the cell's corners give at each of its 27 nodes: rows of eight weights, one a corner. A node has `jets` blocks, of its value
+    /// and of the derivatives along the axes whose bits are set, and a block has a row for each vector of a corner.
+    transfer: Vec<[T; 8]>,
 }
+
+/// Values and derivatives of a node, mixed ones too, where samples have derivatives.
+const JETS: usize = 8;
 
 impl<T: Real> Scale<T> {
     fn new(cells: &Cells, size: u32, interpolation: &Interpolation) -> Self {
@@ -86,7 +88,8 @@ impl<T: Real> Scale<T> {
         let derivatives = [interpolation.uses_derivatives(); 3];
         let half = unit.map(|u| 0.5 * u * f64::from(size));
         let profile = Profile::of(interpolation).unwrap_or(Profile::Linear);
-        let transfer = std::array::from_fn(|axis| {
+        // [axis][node][what][end][of what]: the nodes 0, 1 and 2 of an edge
+        let along: [[[[[f64; 2]; 2]; 2]; 3]; 3] = std::array::from_fn(|axis| {
             let end = |this: usize| -> [[[f64; 2]; 2]; 2] {
                 std::array::from_fn(|what| {
                     std::array::from_fn(|end| {
@@ -94,11 +97,24 @@ impl<T: Real> Scale<T> {
                     })
                 })
             };
-            let nodes = [end(0), profile.middle(2.0 * half[axis]), end(1)];
-            nodes.map(|what| what.map(|end| end.map(|of| of.map(T::of))))
+            [end(0), profile.middle(2.0 * half[axis]), end(1)]
         });
+        let (jets, vectors) = if derivatives[0] { (JETS, 4) } else { (1, 1) };
+        let mut transfer = Vec::with_capacity(27 * jets * vectors);
+        for node in 0..27 {
+            let at = [node % 3, node / 3 % 3, node / 9];
+            for jet in 0..jets {
+                for vector in 0..vectors {
+                    transfer.push(std::array::from_fn(|corner| {
+                        T::of((0..3).fold(1.0, |product, axis| {
+                            let of = usize::from(vector == axis + 1);
+                            product * along[axis][at[axis]][jet >> axis & 1][corner >> axis & 1][of]
+                        }))
+                    }));
+                }
+            }
+        }
         Self {
-            size,
             grid: Grid::new([2; 3], half, derivatives),
             part: Grid::new([2; 3], half.map(|h| 0.5 * h), derivatives),
             transfer,
@@ -116,6 +132,8 @@ pub struct CellModel<T> {
     unit: [T; 3],
     per_unit: [T; 3],
     scales: Vec<Scale<T>>,
+    /// Each cell's scale.
+    scale_of: Vec<u8>,
     /// Vectors of a sample.
     vectors: usize,
 }
@@ -126,6 +144,7 @@ impl<T: Real> CellModel<T> {
         sizes.sort_unstable();
         sizes.dedup();
         let unit = cells.unit();
+        let scale_of = |size| sizes.iter().position(|known| *known == size).expect("the size is of the list") as u8;
         Self {
             interpolation,
             profile: Profile::of(&interpolation).filter(|_| across == Across::Continuous),
@@ -133,6 +152,7 @@ impl<T: Real> CellModel<T> {
             unit: unit.map(T::of),
             per_unit: unit.map(|u| T::of(1.0 / u)),
             scales: sizes.iter().map(|size| Scale::new(&cells, *size, &interpolation)).collect(),
+            scale_of: cells.cells.iter().map(|cell| scale_of(cell.size)).collect(),
             vectors: if interpolation.uses_derivatives() { 4 } else { 1 },
             cells,
         }
@@ -156,7 +176,7 @@ impl<T: Real> CellModel<T> {
     #[inline]
     pub fn taps_of_cell(&self, index: usize, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
         let cell = &self.cells.cells[index];
-        let scale = self.scales.iter().find(|scale| scale.size == cell.size).expect("a scale for every size");
+        let scale = &self.scales[usize::from(self.scale_of[index])];
         let q = q.to_array();
         let local: [T; 3] = std::array::from_fn(|axis| {
             let low = T::of(f64::from(cell.low[axis])) * self.unit[axis] - self.half[axis];
@@ -189,21 +209,19 @@ impl<T: Real> CellModel<T> {
             let part = &scale.part.axes[axis];
             profile.nodes(part, if upper[axis] == 1 { local[axis] - part.half } else { local[axis] + part.half })
         });
-        let slopes = self.vectors > 1;
-        let mut own = [[T::zero(); 4]; 8];
+        let jets = if self.vectors > 1 { JETS } else { 1 };
+        let mut own = [[T::zero(); 8]; 4];
         for node in 0..8usize {
             let side: [usize; 3] = std::array::from_fn(|axis| node >> axis & 1);
             let at: [usize; 3] = std::array::from_fn(|axis| upper[axis] + side[axis]);
-            let sample = table[at[0] + 3 * at[1] + 9 * at[2]];
-            // weights of the node's value and derivatives, mixed ones too: bits of `jet` say along which axes
-            for jet in 0..if slopes { 8usize } else { 1 } {
+            let place = at[0] + 3 * at[1] + 9 * at[2];
+            let sample = table[place];
+            // weights of the node's value and derivatives: bits of `jet` say along which axes
+            for jet in 0..jets {
                 let weight = (0..3).fold(T::one(), |product, axis| {
                     let nodes = &along[axis];
                     product * if jet >> axis & 1 == 1 { nodes.slope[side[axis]] } else { nodes.value[side[axis]] }
                 });
-                if weight == T::zero() {
-                    continue;
-                }
                 if sample != NONE {
                     // samples have no mixed derivatives
                     if jet.count_ones() < 2 {
@@ -212,24 +230,18 @@ impl<T: Real> CellModel<T> {
                     }
                     continue;
                 }
-                for (corner, own) in own.iter_mut().enumerate() {
-                    let of = |axis: usize, derived: usize| {
-                        scale.transfer[axis][at[axis]][jet >> axis & 1][corner >> axis & 1][derived]
-                    };
-                    let values = [of(0, 0), of(1, 0), of(2, 0)];
-                    own[0] += weight * values[0] * values[1] * values[2];
-                    if slopes {
-                        own[1] += weight * of(0, 1) * values[1] * values[2];
-                        own[2] += weight * values[0] * of(1, 1) * values[2];
-                        own[3] += weight * values[0] * values[1] * of(2, 1);
+                let first = (place * jets + jet) * self.vectors;
+                for (own, row) in own.iter_mut().zip(&scale.transfer[first..first + self.vectors]) {
+                    for (own, share) in own.iter_mut().zip(row) {
+                        *own += weight * *share;
                     }
                 }
             }
         }
-        for (corner, weights) in own.iter().enumerate() {
-            for (slot, weight) in weights.iter().take(self.vectors).enumerate() {
-                if *weight != T::zero() {
-                    tap(corners[corner] as usize * self.vectors + slot, *weight);
+        for (corner, sample) in corners.iter().enumerate() {
+            for (slot, weights) in own[..self.vectors].iter().enumerate() {
+                if weights[corner] != T::zero() {
+                    tap(*sample as usize * self.vectors + slot, weights[corner]);
                 }
             }
         }
@@ -240,6 +252,14 @@ impl<T: Real> RigModel<T> for CellModel<T> {
     #[inline]
     fn taps(&self, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
         self.taps_of_cell(self.cell_at(q), q, tap);
+    }
+
+    fn irradiance<const C: usize>(&self, vectors: &ShVectors<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
+        self.packed_irradiance::<C>(&Packed::new(vectors.clone()), points, out);
+    }
+
+    fn packed_irradiance<const C: usize>(&self, packed: &Packed<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
+        scattered_irradiance::<T, Self, C>(self, packed, points, out);
     }
 }
 
@@ -259,15 +279,17 @@ impl<T: Real> RigModel<T> for VolumeModel<T> {
         }
     }
 
-    fn irradiance<const C: usize>(
-        &self,
-        vectors: &ShVectors<T>,
-        points: &LocalPoints<T>,
-        out: &mut [crate::math::Rgb<T>],
-    ) {
+    fn irradiance<const C: usize>(&self, vectors: &ShVectors<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
         match self {
             VolumeModel::Grid(model) => model.irradiance::<C>(vectors, points, out),
             VolumeModel::Cells(model) => model.irradiance::<C>(vectors, points, out),
+        }
+    }
+
+    fn packed_irradiance<const C: usize>(&self, packed: &Packed<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
+        match self {
+            VolumeModel::Grid(model) => model.packed_irradiance::<C>(packed, points, out),
+            VolumeModel::Cells(model) => model.packed_irradiance::<C>(packed, points, out),
         }
     }
 }

@@ -17,7 +17,7 @@ pub use trilinear::{Trilinear, linear_nodes};
 
 use std::ops::Range;
 
-use super::{Grid, Lane, LaneModel, LocalPoints, ShVectors};
+use super::{Grid, Lane, LaneModel, LocalPoints, Packed, ShVectors};
 use crate::input::{Finite, InputError, Source, Spanned};
 use crate::math::{Real, Rgb};
 
@@ -106,6 +106,20 @@ macro_rules! interpolations {
                 match *self {
                     $(Interpolation::$scheme(scheme) =>
                         SchemeModel { grid, scheme }.lane_irradiance::<C>(vectors, points, out)),+
+                }
+            }
+
+            /// [`LaneModel::lane_packed`], likewise.
+            pub fn packed_irradiance<T: Real, const C: usize>(
+                &self,
+                grid: &Grid<T>,
+                packed: &Packed<T>,
+                points: &LocalPoints<T>,
+                out: &mut [Rgb<T>],
+            ) {
+                match *self {
+                    $(Interpolation::$scheme(scheme) =>
+                        SchemeModel { grid, scheme }.lane_packed::<C>(packed, points, out)),+
                 }
             }
 

@@ -1,0 +1,249 @@
+//! Volumes from the command line: metrics whose answers are known beforehand, costs that can be counted, and bad input.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::{done, rigbench, rigbench_does};
+
+fn write(folder: &Path, name: &str, text: &str) {
+    let path = folder.join(name);
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    std::fs::write(path, text).unwrap();
+}
+
+/// Two tiny balls, one on each side of a wall that fills the plane x = 0 for all that they see; the lamp hangs on the left.
+const ROOMS: &str = "schema_version = 1\ntitle = \"rooms\"\n\
+    [material.wall]\nalbedo = [0, 0, 0]\n\
+    [[object]]\nname = \"wall\"\nmaterial = \"wall\"\nshape = { quad = { center = [0, 0, 0], u = [0, 50, 0], v = [0, 0, 50] } }\n\
+    [[object]]\nname = \"lit\"\nreceiver = true\nshape = { sphere = { center = [-0.5, 0, 0], radius = 0.004 } }\n\
+    [[object]]\nname = \"dark\"\nreceiver = true\nshape = { sphere = { center = [0.5, 0, 0], radius = 0.004 } }\n\
+    [[receiver]]\nname = \"volume\"\nbounds = { min = [-1, -1, -1], max = [1, 1, 1] }\n\
+    [[receiver]]\nname = \"left\"\nbounds = { min = [-1, -1, -1], max = [-0.01, 1, 1] }\n";
+
+/// A ball that goes from left to right along x at y = z = 0.4, between two lamps of different size.
+const WAY: &str = "schema_version = 1\ntitle = \"way\"\n\
+    [[object]]\nname = \"ball\"\nreceiver = true\nshape = { sphere = { center = [0, 0, 0], radius = 0.05 } }\n\
+    path = { points = [[-0.9, 0.4, 0.4], [0.9, 0.4, 0.4]] }\n\
+    [[receiver]]\nname = \"volume\"\nbounds = { min = [-1, -1, -1], max = [1, 1, 1] }\n\
+    [animation]\nframes = 2\n";
+
+fn project() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), "scenes/rooms.toml", ROOMS);
+    write(folder.path(), "scenes/way.toml", WAY);
+    let lamp = |name: &str, x: f64, radiance: f64| {
+        format!(
+            "[[light]]\nname = \"{name}\"\nsphere = {{ center = [{x}, 2, 0], radius = 0.3, radiance = [{radiance}, 2, 3] }}\n"
+        )
+    };
+    write(folder.path(), "scenes/lights/left.toml", &format!("schema_version = 1\n{}", lamp("a", -2.0, 1.0)));
+    let two = format!("schema_version = 1\n{}{}", lamp("a", -2.0, 9.0), lamp("b", 2.5, 1.0));
+    write(folder.path(), "scenes/lights/two.toml", &two);
+    folder
+}
+
+fn experiment(folder: &Path, scene: &str, lights: &str, rigs: &[(&str, &str)], more: &str) -> String {
+    let names: Vec<String> = rigs.iter().map(|(name, _)| format!("\"{name}\"")).collect();
+    let tables: String = rigs.iter().map(|(name, table)| format!("[rig.{name}]\n{table}\n")).collect();
+    let text = format!(
+        "schema_version = 1\nname = \"volumes\"\ntitle = \"volumes\"\n[image]\nwidth = 32\nheight = 18\nkeep = \"none\"\n\
+         [timing]\nwarmup = 0\nrepeat = 3\nonly = {{ rig = [{}] }}\n[reference]\npoints = 32\nrelative_error = 0.05\nseconds = 1\n\
+         [matrix]\nscene = [\"{scene}\"]\nlights = [\"{lights}\"]\nrig = [{}]\n{more}{tables}",
+        names[0],
+        names.join(", ")
+    );
+    write(folder, "experiments/volumes.toml", &text);
+    "experiments/volumes.toml".to_owned()
+}
+
+/// Pooled rows of results.csv by rig.
+fn results(folder: &Path) -> BTreeMap<String, BTreeMap<String, String>> {
+    let mut reader = csv::Reader::from_path(folder.join("results/volumes/results.csv")).unwrap();
+    let rows = reader.deserialize().map(|row| -> BTreeMap<String, String> { row.unwrap() });
+    let mut by_rig = BTreeMap::new();
+    for row in rows {
+        by_rig.entry(row["rig"].clone()).or_insert(row);
+    }
+    by_rig
+}
+
+fn number(row: &BTreeMap<String, String>, column: &str) -> f64 {
+    row[column].parse().unwrap_or_else(|_| panic!("{column} is `{}`", row[column]))
+}
+
+#[test]
+fn leaked_light_by_known_shares() {
+    let folder = project();
+    let rigs = [
+        // one sample in the lit room serves both balls
+        ("all", "grid = { bounds = \"left\", samples = [1, 1, 1] }"),
+        // samples at -1 and 1: the dark ball at 0.5 takes a quarter of the lit one's light, the lit ball three quarters
+        ("third", "grid = { bounds = \"volume\", samples = [2, 1, 1] }"),
+        ("none", "grid = { bounds = \"volume\", samples = [2, 1, 1], interpolation = \"nearest\" }"),
+    ];
+    let probes =
+        "probe_source = [\"fixed\"]\n[probe_source.fixed]\ntraced = { spp = 64 }\n[effects]\nmode = \"shadows\"\n";
+    let path = experiment(folder.path(), "rooms", "left", &rigs, probes);
+    let (code, _, said) = rigbench_does(folder.path(), &["run", &path]);
+    assert_eq!(code, 0, "{said}");
+    let rows = results(folder.path());
+    for (rig, expected) in [("all", 1.0), ("third", 1.0 / 3.0), ("none", 0.0)] {
+        let leak = number(&rows[rig], "leak");
+        assert!((leak - expected).abs() < 0.01, "{rig}: {leak} for {expected}");
+    }
+    // what the volumes keep, by counting: order 3, three channels, four bytes a float
+    for (rig, samples) in [("all", 1.0), ("third", 2.0), ("none", 2.0)] {
+        let row = &rows[rig];
+        assert_eq!(number(row, "samples"), samples);
+        assert_eq!(number(row, "samples_taken"), samples);
+        assert_eq!(number(row, "floats"), samples * 27.0);
+        assert_eq!(number(row, "model_bytes"), samples * 27.0 * 4.0);
+        assert_eq!(number(row, "samples_inside"), 0.0);
+        assert!(number(row, "bake_s") > 0.0 && number(row, "bake_s") < 60.0);
+        // 96 rays of depth a sample tell what lies inside; a light sample is one shadow ray at most
+        let rays = number(row, "bake_rays") - 96.0 * samples;
+        assert!(rays > 0.0 && rays <= 64.0 * samples, "{rig}: {rays}");
+    }
+    // both balls stand half a metre from the wall, give or take their size
+    for quarter in ["near_m", "second_m", "third_m", "far_m"] {
+        assert!((number(&rows["all"], quarter) - 0.5).abs() < 0.005, "{quarter}");
+    }
+    assert!(number(&rows["all"], "near_m") < number(&rows["all"], "far_m"));
+}
+
+#[test]
+fn a_planted_jump_is_found_on_the_way_and_across_faces() {
+    let folder = project();
+    let rigs = [
+        ("jumps", "grid = { bounds = \"volume\", samples = [2, 1, 1], interpolation = \"nearest\" }"),
+        (
+            "smoothed",
+            "grid = { bounds = \"volume\", samples = [2, 1, 1], interpolation = \"nearest\", lookup = \"per_object\", smoothing = 0.5 }",
+        ),
+        ("straight", "grid = { bounds = \"volume\", samples = [2, 1, 1] }"),
+        ("corners", "grid = { bounds = \"volume\", samples = [2, 2, 2], interpolation = \"nearest\" }"),
+    ];
+    let path = experiment(folder.path(), "way", "two", &rigs, "");
+    let (code, _, said) = rigbench_does(folder.path(), &["run", &path]);
+    assert_eq!(code, 0, "{said}");
+    let rows = results(folder.path());
+    // the samples themselves, by another command
+    write(folder.path(), "points.csv", "x,y,z\n-1,0,0\n1,0,0\n");
+    let (code, text, said) = done(rigbench(folder.path()).args([
+        "query",
+        "way",
+        "--lights",
+        "two",
+        "--points",
+        "points.csv",
+        "--quantity",
+        "sh",
+    ]));
+    assert_eq!(code, 0, "{said}");
+    let mut vectors = [vec![0.0f64; 27], vec![0.0; 27]];
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    for row in reader.deserialize() {
+        let row: BTreeMap<String, f64> = row.unwrap();
+        let (side, i) = (usize::from(row["x"] > 0.0), row["i"] as usize);
+        for (channel, name) in ["r", "g", "b"].iter().enumerate() {
+            vectors[side][3 * i + channel] = row[*name];
+        }
+    }
+    // RMS over normals and channels of E: the sum of (A_l L_i)^2 over 3 times 4 pi
+    use std::f64::consts::PI;
+    let rms = |v: &[f64]| {
+        let factor = |i: usize| [PI, 2.0 * PI / 3.0, PI / 4.0][(i as f64).sqrt() as usize];
+        (v.iter().enumerate().map(|(k, x)| (factor(k / 3) * x).powi(2)).sum::<f64>() / (12.0 * PI)).sqrt()
+    };
+    let apart: Vec<f64> = vectors[0].iter().zip(&vectors[1]).map(|(a, b)| a - b).collect();
+    let expected = rms(&apart) / (0.5 * (rms(&vectors[0]) + rms(&vectors[1])));
+    let jump = |rig: &str| number(&rows[rig], "path_jump");
+    assert!(expected > 0.05, "{expected}");
+    assert!((jump("jumps") / expected - 1.0).abs() < 1e-3, "{} for {expected}", jump("jumps"));
+    // half of the way in the first frame, less half of the quarter that follows
+    assert!((jump("smoothed") / expected - 0.375).abs() < 2e-3, "{} of {expected}", jump("smoothed"));
+    assert!(jump("straight") < 1e-3 * expected, "{}", jump("straight"));
+    assert!(number(&rows["corners"], "face_jump") > 0.0);
+    assert_eq!(rows["corners"]["level_jump"].parse::<f64>().unwrap(), 0.0);
+    // the walk is there for the figure
+    let walk = folder.path().join(format!("results/volumes/volumes/{}-walk.csv", rows["jumps"]["run"]));
+    let text = std::fs::read_to_string(walk).unwrap();
+    assert!(text.lines().filter(|line| line.starts_with("volume,ball,")).count() > 100);
+    assert!(text.lines().any(|line| line.starts_with("truth,ball,")));
+}
+
+#[test]
+fn bad_volumes_are_told_before_anything_runs() {
+    let folder = project();
+    let bounds = "bounds = \"volume\"";
+    let cases = [
+        (format!("grid = {{ {bounds}, samples = [0, 2, 2] }}"), "allowed: 1 to"),
+        (format!("grid = {{ {bounds}, samples = [300, 300, 300] }}"), "budget = N"),
+        ("grid = { bounds = \"nowhere\", samples = [2, 2, 2] }".to_owned(), "no receiver or bounds `nowhere`"),
+        ("grid = { bounds = { min = [0, 0, 0], max = [1, 0, 1] }, samples = [2, 2, 2] }".to_owned(), "an empty box"),
+        ("grid = { bounds = { min = [0, 0, 0], max = [1, inf, 1] }, samples = [2, 2, 2] }".to_owned(), "finite"),
+        ("grid = { bounds = { min = [0, 0, 0], max = [1, nan, 1] }, samples = [2, 2, 2] }".to_owned(), "finite"),
+        ("grid = { samples = [2, 2, 2] }".to_owned(), "bounds"),
+        (format!("octree = {{ {bounds}, min_level = 4, max_level = 2 }}"), "below min_level"),
+        (format!("octree = {{ {bounds}, min_level = -1, max_level = 2 }}"), "0 to 12"),
+        (format!("octree = {{ {bounds}, min_level = 0, max_level = 40 }}"), "0 to 12"),
+        (format!("octree = {{ {bounds}, min_level = 8, max_level = 9 }}"), "budget = N"),
+        (format!("octree = {{ {bounds}, min_level = 0, max_level = 2, across = \"continous\" }}"), "continuous"),
+        (format!("octree = {{ {bounds}, min_level = 0, max_level = 2, cull = -0.1 }}"), "cull"),
+        (format!("octree = {{ {bounds}, min_level = 0, max_level = 2, roots = [0, 1, 1] }}"), "allowed: 1 to"),
+        (format!("octree = {{ {bounds}, min_level = 0, max_level = 2, heuristic = \"eror\" }}"), "error"),
+        (format!("two_level = {{ {bounds}, samples = [1, 2, 2], inner = 3 }}"), "allowed: 2 to"),
+        (format!("two_level = {{ {bounds}, samples = [2, 2, 2], inner = 900 }}"), "2 to 64"),
+        ("path = { samples = 0 }".to_owned(), "allowed: 1 to"),
+    ];
+    for (table, says) in &cases {
+        let path = experiment(folder.path(), "way", "two", &[("bad", table)], "");
+        for verb in ["plan", "run"] {
+            let (code, out, said) = rigbench_does(folder.path(), &[verb, &path]);
+            assert_eq!(code, 3, "{verb} {table}: {said}");
+            assert!(said.contains(says), "{verb} {table}: {said}");
+            assert!(said.contains("volumes.toml:"), "{table}: where it stands: {said}");
+            assert_eq!(out, "");
+        }
+    }
+    for (heuristic, says) in [
+        ("error = { threshold = 0.0 }", "above 0"),
+        ("error = { threshold = -1.0 }", "above 0"),
+        ("any = []", "of nothing"),
+        ("error = { threshold = 0.1 }\nprune = { threshold = 0.1 }", "list them in `any`"),
+        ("harmonic_mean = { treshold = 0.1 }", "threshold"),
+    ] {
+        let more = format!("heuristic = [\"mine\"]\n[heuristic.mine]\n{heuristic}\n");
+        let table = format!("octree = {{ {bounds}, min_level = 0, max_level = 2 }}");
+        let path = experiment(folder.path(), "way", "two", &[("bad", &table)], &more);
+        let (code, _, said) = rigbench_does(folder.path(), &["plan", &path]);
+        assert_eq!(code, 3, "{heuristic}: {said}");
+        assert!(said.contains(says), "{heuristic}: {said}");
+    }
+    assert!(!folder.path().join("results").exists(), "nothing was written");
+}
+
+/// A threshold that asks for more samples than the budget is found while baking: that run fails and says how to raise it, the other stays.
+#[test]
+fn a_budget_that_is_used_up_fails_one_run_and_loses_nothing() {
+    let folder = project();
+    let octree = |budget: &str| {
+        format!("octree = {{ bounds = \"volume\", min_level = 1, max_level = 5, heuristic = \"fine\"{budget} }}")
+    };
+    let rigs = [("fits", "grid = { bounds = \"volume\", samples = [2, 2, 2] }"), ("bursts", &octree(", budget = 200"))];
+    let more = "[heuristic.fine]\nerror = { threshold = 0.001 }\n";
+    let path = experiment(folder.path(), "way", "two", &rigs, more);
+    let (code, _, said) = rigbench_does(folder.path(), &["run", &path]);
+    assert_eq!(code, 100, "{said}");
+    assert!(said.contains("budget = N") && said.contains("200"), "{said}");
+    let rows = results(folder.path());
+    assert_eq!((&*rows["fits"]["status"], &*rows["bursts"]["status"]), ("ok", "failed"));
+    assert!(number(&rows["fits"], "nrmse") > 0.0);
+    assert!(rows["bursts"]["note"].contains("budget = N"), "{}", rows["bursts"]["note"]);
+    // as it says
+    let rigs = [rigs[0], ("bursts", &octree(", budget = 90000"))];
+    let path = experiment(folder.path(), "way", "two", &rigs, more);
+    let (code, _, said) = rigbench_does(folder.path(), &["run", &path]);
+    assert_eq!(code, 0, "{said}");
+    assert!(number(&results(folder.path())["bursts"], "samples") > 200.0);
+}
