@@ -137,7 +137,7 @@ pub const COLUMNS: &[Column] = &[
         "leak",
         "",
         Quality,
-        "mean irradiance of the candidate where the reference is under 1 % of its mean, over that where it is not",
+        "mean irradiance of the candidate on receivers whose reference is under 1 % of the mean of all, over that on the others",
     ),
     column(
         "path_jump",

@@ -109,16 +109,23 @@ impl ContactSheet {
     }
 
     /// Columns and rows around the receivers, with a margin: what else the camera sees is not scored.
-    fn crop(&self) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
+    fn crop(&self) -> Crop {
+        self.crop_holding(std::iter::empty())
+    }
+
+    /// The same, around these places too.
+    pub(super) fn crop_holding(&self, places: impl Iterator<Item = [f64; 2]>) -> Crop {
         let (width, height) = self.albedo.size();
         let seen: Vec<usize> = (0..self.albedo.pixels.len()).filter(|i| self.scored(*i)).collect();
-        let range = |of: &dyn Fn(usize) -> usize, end: usize| {
-            let low = seen.iter().map(|i| of(*i)).min().unwrap_or(0);
-            let high = seen.iter().map(|i| of(*i) + 1).max().unwrap_or(end);
+        let places: Vec<[f64; 2]> = places.collect();
+        let range = |of: &dyn Fn(usize) -> usize, axis: usize, end: usize| {
+            let places = || places.iter().map(|place| place[axis].clamp(0.0, end as f64) as usize);
+            let low = seen.iter().map(|i| of(*i)).chain(places()).min().unwrap_or(0);
+            let high = seen.iter().map(|i| of(*i) + 1).chain(places()).max().unwrap_or(end);
             let margin = 4 + (high - low) / 16;
             low.saturating_sub(margin)..(high + margin).min(end)
         };
-        let (mut x, mut y) = (range(&|i| i % width, width), range(&|i| i / width, height));
+        let (mut x, mut y) = (range(&|i| i % width, 0, width), range(&|i| i / width, 1, height));
         // neither a slit nor a tower
         widen(&mut x, y.len() * 9 / 10, width);
         widen(&mut y, x.len() * 5 / 10, height);
@@ -126,7 +133,7 @@ impl ContactSheet {
     }
 
     /// Radiance max(0, albedo E / pi): what a camera sees of an irradiance.
-    fn reflected(&self, irradiance: &Picture) -> Picture {
+    pub(super) fn reflected(&self, irradiance: &Picture) -> Picture {
         Picture::from_fn(irradiance.width, irradiance.height, |x, y| {
             Irradiance(Rgb::from_array(irradiance.at(x, y)))
                 .reflected(Rgb::from_array(self.albedo.at(x, y)))
@@ -135,7 +142,7 @@ impl ContactSheet {
         })
     }
 
-    fn picture(&self, irradiance: &Picture, exposure: Exposure, crop: &Crop) -> Vec<[u8; 3]> {
+    pub(super) fn picture(&self, irradiance: &Picture, exposure: Exposure, crop: &Crop) -> Vec<[u8; 3]> {
         let bytes = exposure.bytes(&self.reflected(irradiance));
         self.cropped(crop, |i| if self.scored(i) { bytes[i] } else { GROUND })
     }
@@ -170,7 +177,7 @@ impl ContactSheet {
     }
 
     /// One scale for all candidates: up to the 99th percentile of all errors, rounded up to a number that reads well.
-    fn error_scale(&self) -> Scale {
+    pub(super) fn error_scale(&self) -> Scale {
         let rms = self.rms();
         let mut all: Vec<f64> = self
             .candidates
@@ -192,7 +199,7 @@ impl ContactSheet {
         if self.signed { Scale::Linear { low: -high, high } } else { Scale::Root { high } }
     }
 
-    fn errors(&self, candidate: &Picture, scale: Scale, map: ColourMap, crop: &Crop) -> Vec<[u8; 3]> {
+    pub(super) fn errors(&self, candidate: &Picture, scale: Scale, map: ColourMap, crop: &Crop) -> Vec<[u8; 3]> {
         let rms = self.rms();
         self.cropped(crop, |i| {
             if !self.scored(i) {
@@ -208,7 +215,7 @@ impl ContactSheet {
     }
 }
 
-type Crop = (std::ops::Range<usize>, std::ops::Range<usize>);
+pub(super) type Crop = (std::ops::Range<usize>, std::ops::Range<usize>);
 
 fn widen(range: &mut std::ops::Range<usize>, length: usize, end: usize) {
     let missing = length.min(end).saturating_sub(range.len());

@@ -18,6 +18,7 @@ use super::scale::{Format, Scale};
 use super::sections::{SectionPanel, Sections};
 use super::split::{Split, SplitPanel, SplitRow};
 use super::statistics::{mean_interval, ranks, wilson};
+use super::strip::{self, SeenSample, Strip};
 use super::study;
 use super::svg::VERSION;
 use super::table::{
@@ -127,11 +128,12 @@ fn draw(table: &Table, folder: &Path, target: &Path) -> io::Result<Vec<String>> 
         let same = group.clone();
         jobs.add(&parts, move || volume_sections(&same, folder));
         if volumes::are_volumes(&group.rows) {
-            let figures: [(&str, fn(&Group, String) -> Option<Figure>); 4] = [
+            let figures: [(&str, fn(&Group, String) -> Option<Figure>); 5] = [
                 ("pops", volumes::pops),
                 ("places", volumes::places),
                 ("by-distance", volumes::by_distance),
                 ("sizes", volumes::sizes),
+                ("savings", volumes::savings),
             ];
             for (what, figure) in figures {
                 let parts = [what, group.key[0], group.key[1], group.key[2], &adapter];
@@ -155,7 +157,10 @@ fn draw(table: &Table, folder: &Path, target: &Path) -> io::Result<Vec<String>> 
         if group.key[2] == "gpu" && rows.iter().any(on_cpu) {
             continue;
         }
-        jobs.add(&parts, move || contact_sheet(&group, folder));
+        let same = group.clone();
+        jobs.add(&parts, move || contact_sheet(&same, folder));
+        let parts = ["strip", group.key[0], group.key[1], group.key[2], &adapter];
+        jobs.add(&parts, move || strip(&group, folder));
     }
     let families: Vec<Row> = rows.iter().copied().filter(|r| family(r.text("lights")).is_some()).collect();
     for group in groups(families.iter().copied(), &["scene", "backend", "adapter"]) {
@@ -648,6 +653,31 @@ fn volume_sections(group: &Group, folder: &Path) -> Option<Figure> {
     })
 }
 
+/// A strip of the rigs whose names begin with the letters of its pictures (`a-`, `b-`, `e-`, `f-`): reference and samples stand between.
+fn strip(group: &Group, folder: &Path) -> Option<Figure> {
+    let mut rows: Vec<Row> = group.rows.iter().copied().filter(|r| strip::lettered(r.text("rig")).is_some()).collect();
+    rows.sort_by_key(|r| strip::lettered(r.text("rig")));
+    let letters: Vec<char> = rows.iter().filter_map(|r| strip::lettered(r.text("rig"))).collect();
+    // as many before the two in the middle as after them
+    let half = letters.len() / 2;
+    let expected: Vec<char> = ('a'..).take(half).chain(('a'..).skip(half + 2).take(half)).collect();
+    if half == 0 || letters != expected {
+        return None;
+    }
+    let sheet = sheet_of(group, folder, rows.clone(), "one sample, or more, with gradients or without")?;
+    let places = rows.last().map(|r| folder.join("samples").join(format!("{}.csv", r.text("run"))))?;
+    let places = Table::read(&places).ok()?;
+    let samples: Vec<SeenSample> = places
+        .rows()
+        .filter_map(|r| {
+            Some(SeenSample { at: [r.number("pixel_x")?, r.number("pixel_y")?], distance: r.number("distance")? })
+        })
+        .collect();
+    let samples_name =
+        format!("the {} positions", if samples.len() == 8 { "eight".to_owned() } else { samples.len().to_string() });
+    Some(Strip { sheet, samples_name, samples }.figure())
+}
+
 /// Most candidates of a contact sheet.
 const SHOWN: usize = 8;
 
@@ -673,6 +703,12 @@ fn contact_sheet(group: &Group, folder: &Path) -> Option<Figure> {
         let last = rows.len() - 1;
         rows = (0..SHOWN).map(|i| rows[(i * last + (SHOWN - 1) / 2) / (SHOWN - 1)]).collect();
     }
+    sheet_of(group, folder, rows, "reference, rigs and their errors").map(|sheet| sheet.figure())
+}
+
+/// The sheet of these rows.
+fn sheet_of(group: &Group, folder: &Path, rows: Vec<Row>, what: &str) -> Option<ContactSheet> {
+    let path = |r: &Row| folder.join("images").join(format!("{}.exr", r.text("run")));
     let varying = varying_axes(&rows);
     let images: Vec<(Row, LayeredImage)> =
         rows.iter().filter_map(|r| Some((*r, LayeredImage::read(&path(r)).ok()?))).collect();
@@ -689,15 +725,12 @@ fn contact_sheet(group: &Group, folder: &Path) -> Option<Figure> {
             sh_vectors: row.number("sh_vectors"),
         })
         .collect();
-    (!candidates.is_empty()).then(|| {
-        ContactSheet {
-            title: format!("{}, {}: reference, rigs and their errors", group.key[0], group.key[1]),
-            subtitle: format!("{} · pictures at the reference's exposure", case_line(group)),
-            reference,
-            albedo,
-            candidates,
-            signed: false,
-        }
-        .figure()
+    (!candidates.is_empty()).then(|| ContactSheet {
+        title: format!("{}, {}: {what}", group.key[0], group.key[1]),
+        subtitle: format!("{} · pictures at the reference's exposure", case_line(group)),
+        reference,
+        albedo,
+        candidates,
+        signed: false,
     })
 }

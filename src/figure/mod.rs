@@ -22,6 +22,7 @@ pub mod scale;
 pub mod sections;
 pub mod split;
 pub mod statistics;
+mod strip;
 mod study;
 pub mod style;
 pub mod summary;

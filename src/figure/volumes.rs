@@ -413,3 +413,94 @@ pub fn sizes(group: &Group, subtitle: String) -> Option<Figure> {
     );
     Some(Figure { drawing, data })
 }
+
+/// `SERIES-NUMBER`: the series.
+fn numbered(rig: &str) -> Option<&str> {
+    let (series, number) = rig.rsplit_once('-')?;
+    number.parse::<f64>().is_ok().then_some(series)
+}
+
+/// A cost of even grids at an error, straight between them in logarithms, and on beyond the last two. `grids`: error and cost.
+fn cost_at(grids: &[(f64, f64)], error: f64) -> Option<f64> {
+    let mut grids: Vec<(f64, f64)> =
+        grids.iter().filter(|(e, c)| *e > 0.0 && *c > 0.0).map(|(e, c)| (e.ln(), c.ln())).collect();
+    grids.sort_by(|a, b| a.0.total_cmp(&b.0));
+    grids.dedup_by(|a, b| a.0 == b.0);
+    let upper =
+        grids.iter().position(|(e, _)| *e >= error.ln()).unwrap_or(grids.len()).clamp(1, grids.len().max(2) - 1);
+    let (a, b) = (grids.get(upper - 1)?, grids.get(upper)?);
+    Some((a.1 + (b.1 - a.1) * (error.ln() - a.0) / (b.0 - a.0)).exp())
+}
+
+/// What adaptive volumes save: costs of an even grid with the same error, over their own. Even grids are the rigs `SERIES-NUMBER`
+/// without a heuristic, two at least.
+pub fn savings(group: &Group, subtitle: String) -> Option<Figure> {
+    const ERROR: &str = "interpolation_nrmse";
+    let is_even = |row: &&Row| row.text("heuristic").is_empty() && numbered(row.text("rig")).is_some();
+    let even: Vec<Row> = group.rows.iter().copied().filter(|row| is_even(&row)).collect();
+    let mut rows: Vec<Row> = group.rows.iter().copied().filter(|row| !is_even(&row)).collect();
+    if !are_volumes(&group.rows) || even.len() < 2 || rows.len() < 2 || varying_axes(&rows).contains(&"order") {
+        return None;
+    }
+    rows.sort_by(|a, b| a.number(ERROR).unwrap_or(0.0).total_cmp(&b.number(ERROR).unwrap_or(0.0)));
+    let varying = varying_axes(&rows);
+    let factors = |column: &str| -> Vec<Option<f64>> {
+        let grids: Vec<(f64, f64)> =
+            even.iter().filter_map(|row| Some((row.number(ERROR)?, row.number(column)?))).collect();
+        rows.iter()
+            .map(|row| Some(cost_at(&grids, row.number(ERROR)?)? / row.number(column).filter(|own| *own > 0.0)?))
+            .collect()
+    };
+    let mut panels: Vec<DotPanel> = [
+        ("samples", "samples"),
+        ("model_bytes", "bytes"),
+        ("bake_s", "time of the bake"),
+        ("eval_ns_per_point", "time of a lookup"),
+    ]
+    .into_iter()
+    .filter_map(|(column, title)| {
+        let found = factors(column);
+        (found.iter().flatten().count() > 1).then(|| DotPanel {
+            title: title.into(),
+            label: "even grid of equal error, over its own".into(),
+            format: Format::Plain,
+            scale: Scale::log(found.iter().flatten().copied().chain([1.0]).collect::<Vec<_>>()),
+            guide: Some(1.0),
+            absent: "no value".into(),
+            dots: found.into_iter().map(|v| v.map(|value| Dot { value, interval: None, each: Vec::new() })).collect(),
+        })
+    })
+    .collect();
+    let errors: Vec<Option<f64>> = rows.iter().map(|row| row.number(ERROR)).collect();
+    panels.insert(
+        0,
+        DotPanel {
+            title: "error".into(),
+            label: "what the volume adds, nRMSE".into(),
+            format: Format::Percent,
+            scale: Scale::log(errors.iter().flatten().copied().collect::<Vec<_>>()),
+            guide: None,
+            absent: "no value".into(),
+            dots: errors.into_iter().map(|v| v.map(|value| Dot { value, interval: None, each: Vec::new() })).collect(),
+        },
+    );
+    let title = format!("{}, {}: what each heuristic buys", group.key[0], group.key[1]);
+    let subtitle = format!("{subtitle} · above 1: better than an even grid of the same error");
+    (panels.len() > 1)
+        .then(|| Dots { title, subtitle, names: rows.iter().map(|row| name(row, &varying)).collect(), panels }.figure())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cost_of_an_even_grid_of_equal_error() {
+        // error falls with the square of the cost
+        let grids: Vec<(f64, f64)> = [10.0, 100.0, 1000.0].into_iter().map(|c: f64| (1.0 / (c * c), c)).collect();
+        for cost in [3.0, 10.0, 31.0, 1000.0, 5000.0f64] {
+            assert!((cost_at(&grids, 1.0 / (cost * cost)).unwrap() / cost - 1.0).abs() < 1e-9, "{cost}");
+        }
+        assert_eq!(cost_at(&grids[..1], 1.0), None);
+    }
+}

@@ -445,26 +445,28 @@ impl Film {
         })
     }
 
-    /// Energy where none belongs: the candidate's mean irradiance where the reference is under 1 % of its mean, over that where it is
-    /// not. None where no point is so dark, or all are.
+    /// Energy where none belongs: the candidate's mean irradiance on receivers that are in the dark in a frame (the reference's mean is under
+    /// 1 % of that of all), over its mean on the others. A receiver's own shaded side is not in the dark. None where none is so dark, or
+    /// all are.
     fn leak(&self, values: &[Vec<Vec<Rgb<f64>>>]) -> Option<f64> {
-        let level = |e: Rgb<f64>| (e.r + e.g + e.b) / 3.0;
-        let (mut total, mut count) = (0.0, 0usize);
-        for (_, _, truth) in self.answers(values) {
-            total += level(truth);
-            count += 1;
+        let mean = |values: &[Rgb<f64>]| {
+            values.iter().map(|e| (e.r + e.g + e.b) / 3.0).sum::<f64>() / values.len().max(1) as f64
+        };
+        let of_parts: Vec<(f64, f64)> = self
+            .frames
+            .iter()
+            .zip(values)
+            .flat_map(|(block, values)| block.parts.iter().zip(values))
+            .map(|(part, values)| (mean(&part.reference.irradiance), mean(values)))
+            .collect();
+        let total = of_parts.iter().map(|(truth, _)| truth).sum::<f64>() / of_parts.len().max(1) as f64;
+        let (dark, lit): (Vec<_>, Vec<_>) = of_parts.iter().partition(|(truth, _)| *truth < DARK_SHARE * total);
+        let level = |parts: Vec<(f64, f64)>| parts.iter().map(|(_, e)| e).sum::<f64>() / parts.len() as f64;
+        if dark.is_empty() || lit.is_empty() {
+            return None;
         }
-        let dark = DARK_SHARE * total / count.max(1) as f64;
-        let mut sums = [(0.0, 0usize); 2];
-        for (_, value, truth) in self.answers(values) {
-            let sum = &mut sums[usize::from(level(truth) < dark)];
-            sum.0 += level(value);
-            sum.1 += 1;
-        }
-        let [(lit, lit_count), (leaked, dark_count)] = sums;
-        let few = DARK_SHARE * count as f64;
-        (dark_count as f64 > few && lit_count as f64 > few && lit > 0.0)
-            .then(|| leaked / dark_count as f64 * lit_count as f64 / lit)
+        let (dark, lit) = (level(dark), level(lit));
+        (lit > 0.0).then(|| dark / lit)
     }
 
     /// What a volume is and how it errs where volumes do, by column.

@@ -14,7 +14,7 @@ use super::crew::{Crew, CrewOptions};
 use super::progress::Progress;
 use super::slurm::SlurmOptions;
 use super::timing::{Times, time_block};
-use super::walk;
+use super::walk::{self, csv_text};
 use super::{ArrayCache, Claim, Reason, Record, Store, StoreError, interrupt, write_atomic};
 use crate::candidate::{Arithmetic, GpuBench, Probes, Recipe};
 use crate::cost::pareto::front;
@@ -28,6 +28,7 @@ use crate::math::Rgb;
 use crate::metric::{flip_hdr, flip_ldr};
 use crate::picture::LayeredImage;
 use crate::probe::GradientSource;
+use crate::rig::Rig;
 use crate::sh::Window;
 use crate::trace::{Effects, Effort, SceneFacts, TracedGeometry, Tracer, Transport};
 
@@ -170,6 +171,8 @@ pub(super) enum Step<'e> {
 /// Hears of every step, from any thread.
 pub(super) type Tell<'t> = &'t (dyn Fn(usize, Step) + Sync);
 
+/// The folder of where rigs' samples stand in their pictures, by run.
+const SAMPLES: &str = "samples";
 /// The folder of cuts through volumes and of walks in them, by run.
 const VOLUMES: &str = "volumes";
 
@@ -629,6 +632,38 @@ fn compute(
     }
 }
 
+/// Most samples of a rig that are kept for pictures.
+const SEEN_SAMPLES: usize = 64;
+
+/// Keeps where a rig's samples stand in the picture.
+fn keep_samples(
+    run: &Run,
+    recipe: &Recipe,
+    block: &Block,
+    frame: usize,
+    (width, height): (usize, usize),
+    store: &Store,
+) -> Result<(), StoreError> {
+    let (Some(rig), Some(camera)) = (&recipe.rig, &run.candidate.scene.camera) else { return Ok(()) };
+    let mut text = "receiver,frame,x,y,z,pixel_x,pixel_y,distance\n".to_owned();
+    let mut count = 0;
+    for part in &block.parts {
+        for request in rig.placement(part.bounds.half) {
+            let place = part.bounds.world(request.position);
+            let Some([u, v]) = camera.seen_at(place, width, height) else { continue };
+            let [x, y, z] = place.to_array();
+            let distance = place.distance(camera.eye);
+            text += &format!("{},{frame},{x},{y},{z},{u},{v},{distance}\n", csv_text(&part.receiver));
+            count += 1;
+        }
+    }
+    if count == 0 || count > SEEN_SAMPLES {
+        return Ok(());
+    }
+    let path = store.root().join(SAMPLES).join(format!("{}.csv", run.identity.key().run()));
+    write_atomic(&path, text.as_bytes())
+}
+
 /// Keeps a cut through a run's volume and the scene around it, from above, for the debug picture, and the walks of what moves.
 fn keep_tables(
     run: &Run,
@@ -979,6 +1014,7 @@ pub(super) fn picture(work: &Workshop, runs: &[Run], block: &[usize]) -> Result<
         );
         let bytes = image.to_bytes().map_err(|error| error.to_string())?;
         store.keep_image(&key, &bytes).map_err(|error| error.to_string())?;
+        keep_samples(run, recipe, &film.frames[frame], frame, size, store).map_err(|error| error.to_string())?;
         if run.fronts.is_empty() {
             return Ok(None);
         }

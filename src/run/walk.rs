@@ -91,18 +91,24 @@ impl Walk {
     }
 }
 
+/// Text in a cell of a table.
+pub fn csv_text(text: &str) -> String {
+    format!("\"{}\"", text.replace('"', "\"\""))
+}
+
 /// A table of walks, with what is true along them: kind (volume or truth), object, metres gone, mean irradiance, and the largest pop of
 /// the row's steps.
 pub fn to_csv(walks: &[Walk], block: &Block) -> String {
     let mut text = "kind,object,metres,level,pop\n".to_owned();
     for walk in walks {
+        let name = csv_text(&walk.receiver);
         for row in (0..STEPS).step_by(ROW) {
             let pop = walk.pops[row.min(STEPS - 2)..(row + ROW).min(STEPS - 1)].iter().copied().fold(0.0, f64::max);
-            text += &format!("volume,{},{},{},{pop}\n", walk.receiver, walk.metres[row], walk.level[row]);
+            text += &format!("volume,{name},{},{},{pop}\n", walk.metres[row], walk.level[row]);
         }
         for (k, e) in block.parts[walk.object].walk.iter().enumerate() {
             let step = k * (STEPS - 1) / (WALK_PLACES - 1);
-            text += &format!("truth,{},{},{},\n", walk.receiver, walk.metres[step], mean(*e));
+            text += &format!("truth,{name},{},{},\n", walk.metres[step], mean(*e));
         }
     }
     text

@@ -168,8 +168,8 @@ fn a_planted_jump_is_found_on_the_way_and_across_faces() {
     // the walk is there for the figure
     let walk = folder.path().join(format!("results/volumes/volumes/{}-walk.csv", rows["jumps"]["run"]));
     let text = std::fs::read_to_string(walk).unwrap();
-    assert!(text.lines().filter(|line| line.starts_with("volume,ball,")).count() > 100);
-    assert!(text.lines().any(|line| line.starts_with("truth,ball,")));
+    assert!(text.lines().filter(|line| line.starts_with("volume,\"ball\",")).count() > 100);
+    assert!(text.lines().any(|line| line.starts_with("truth,\"ball\",")));
 }
 
 #[test]
