@@ -66,6 +66,120 @@ fn a_query_gives_the_closed_form() {
     assert_eq!(order.join(" "), "x0 x1 x2 x3 y0 y1 y2 y3 z0 z1 z2 z3");
 }
 
+/// A room about the ball, open to its lamp.
+fn with_a_room(folder: &Path) {
+    std::fs::write(
+        folder.join("scenes/room.toml"),
+        "schema_version = 1\ntitle = \"room\"\n[animation]\nframes = 3\n[material.grey]\nalbedo = [0.5, 0.5, 0.5]\n\
+         [[object]]\nname = \"floor\"\nmaterial = \"grey\"\nshape = { quad = { center = [0, -0.2, 0], u = [2, 0, 0], v = [0, 0, -2] } }\n\
+         [[object]]\nname = \"wall\"\nmaterial = \"grey\"\nshape = { box = { min = [-1.2, 0, -1], max = [-1, 1, 1] } }\n\
+         [[object]]\nname = \"ball\"\nreceiver = true\npath = { points = [[-0.3, 0.5, 0], [0.3, 0.5, 0]] }\n\
+         shape = { sphere = { center = [0, 0.5, 0], radius = 0.3 } }\n\
+         [[receiver]]\nname = \"space\"\nbounds = { min = [-0.8, 0, -0.8], max = [0.8, 1, 0.8] }\n",
+    )
+    .unwrap();
+}
+
+#[test]
+fn a_query_reads_volumes() {
+    let folder = project();
+    let at = folder.path();
+    with_a_room(at);
+    // two samples of a grid of 5 x 3 x 5 over the space, half the way between them, and a place inside a cell
+    let points = "x,y,z,nx,ny,nz\n-0.4,0.5,0.4,0,1,0\n0,0.5,0.4,0,1,0\n-0.2,0.5,0.4,0,1,0\n0.13,0.31,-0.27,0.6,0.8,0\n";
+    std::fs::write(at.join("p.csv"), points).unwrap();
+    let ask = |more: &[&str]| {
+        let fixed = ["query", "room", "--lights", "lamp", "--points", "p.csv"];
+        let (exit, out, log) = run(at, &[&fixed[..], more].concat());
+        assert_eq!(exit, 0, "{more:?}: {log}");
+        csv(&out)
+    };
+    let number = |row: &std::collections::HashMap<String, String>, name: &str| row[name].parse::<f64>().unwrap();
+    let grid = "grid = { bounds = \"space\", samples = [5, 3, 5] }";
+    let read = ask(&["--rig", grid, "--quantity", "sh", "--order", "4"]);
+    let truth = ask(&["--quantity", "sh", "--order", "4"]);
+    assert_eq!(read.len(), 64);
+    for i in 0..16 {
+        for channel in ["r", "g", "b"] {
+            let [a, b, between] = [0, 1, 2].map(|point| number(&read[16 * point + i], channel));
+            // a sample is what the lights are there; between samples stands their mean
+            assert!((a - number(&truth[i], channel)).abs() < 1e-12);
+            assert!((b - number(&truth[16 + i], channel)).abs() < 1e-12);
+            assert!((between - 0.5 * (a + b)).abs() < 1e-12);
+        }
+    }
+    // E of the lamp by the samples' SH: order 4 is within some percent of the closed form, and f32 of f64
+    let rows = ask(&["--rig", grid, "--order", "6"]);
+    let exact = ask(&[]);
+    let single = ask(&["--rig", grid, "--order", "6", "--precision", "f32"]);
+    for point in 0..4 {
+        let (value, truth) = (number(&rows[point], "g"), number(&exact[point], "g"));
+        assert!((value / truth - 1.0).abs() < 0.05, "{value} for {truth}");
+        let off = (number(&single[point], "g") / value - 1.0).abs();
+        assert!(off < 1e-5 && (point != 3 || off > 0.0), "{off}");
+    }
+    // the gradient is that of what is read: along x from sample to sample
+    let octree = "octree = { bounds = \"space\", min_level = 1, max_level = 3, heuristic = \"fine\", interpolation = \"half_gradient\" }\n\
+                  heuristic.fine = { any = [{ error = { threshold = 0.01 } }] }";
+    for rig in [grid, octree] {
+        let values = ask(&["--rig", rig, "--quantity", "sh"]);
+        let slopes = ask(&["--rig", rig, "--quantity", "sh-gradient"]);
+        let step = 1e-4;
+        let moved = points.replace("0.13,", &format!("{},", 0.13 + step));
+        std::fs::write(at.join("moved.csv"), moved).unwrap();
+        let fixed = ["query", "room", "--lights", "lamp", "--points", "moved.csv", "--quantity", "sh", "--rig", rig];
+        let ahead = csv(&run(at, &fixed).1);
+        for i in 0..9 {
+            let slope = (number(&ahead[27 + i], "g") - number(&values[27 + i], "g")) / step;
+            let found = number(&slopes[3 * 27 + i], "g");
+            assert!((slope - found).abs() < 1e-3 * (1.0 + slope.abs()), "{rig}, {i}: {found} for {slope}");
+        }
+    }
+    // by rays: an estimate with its error, at a sample that of the reference
+    let rays = ["--effects", "bounces=1", "--spp", "4000", "--quantity", "sh"];
+    for rig in [grid, octree] {
+        let traced = ask(&[&rays[..], &["--rig", rig]].concat());
+        let truth = ask(&rays);
+        let mut scores = Vec::new();
+        for row in 0..9 {
+            let sigma = number(&traced[row], "g_se").hypot(number(&truth[row], "g_se"));
+            assert!(sigma > 0.0);
+            scores.push((number(&traced[row], "g") - number(&truth[row], "g")) / sigma);
+        }
+        // means of 16 have Student's tails
+        assert!(scores.iter().all(|z| z.abs() < 5.0), "{rig}: {scores:?}");
+        let l0 = number(&truth[0], "g");
+        assert!(
+            number(&traced[0], "g_se") < 0.02 * l0
+                && (number(&ask(&["--quantity", "sh"])[0], "g") / l0 - 1.0).abs() > 0.05
+        );
+    }
+    // objects read once, by place or by time
+    for rig in ["grid = { bounds = \"space\", samples = [5, 3, 5], lookup = \"per_object\" }", "path = { samples = 3 }"]
+    {
+        let one = ask(&["--rig", rig, "--receiver", "ball", "--frame", "1", "--order", "5"]);
+        assert!((number(&one[1], "g") / number(&exact[1], "g") - 1.0).abs() < 0.1, "{rig}");
+        let (exit, _, log) = run(at, &["query", "room", "--lights", "lamp", "--points", "p.csv", "--rig", rig]);
+        assert!(exit == 2 && log.contains("--receiver"), "{log}");
+    }
+    for (rig, says) in [
+        ("gird = { bounds = \"space\", samples = [5, 3, 5] }", "rig:1:1"),
+        ("gird = { bounds = \"space\", samples = [5, 3, 5] }", "did you mean `grid`"),
+        ("grid = { bounds = \"spce\", samples = [5, 3, 5] }", "rig:1:19"),
+        ("grid = { bounds = \"spce\", samples = [5, 3, 5] }", "did you mean `space`"),
+        ("grid = { bounds = \"space\", sample = [5, 3, 5] }", "did you mean `samples`"),
+        ("octree = { bounds = \"space\", min_level = 1, max_level = 2, heuristic = \"eror\" }", "did you mean `error`"),
+        (
+            "octree = { bounds = \"space\", min_level = 1, max_level = 2 }\nheuristic.fine = { any = [{ eror = {} }] }",
+            "rig:2:",
+        ),
+        ("grid = { bounds = \"space\", samples = [50, 50, 50] }", "budget"),
+    ] {
+        let (exit, out, log) = run(at, &["query", "room", "--lights", "lamp", "--points", "p.csv", "--rig", rig]);
+        assert!(exit == 3 && out.is_empty() && log.contains(says), "{rig}, not `{says}`: {log}");
+    }
+}
+
 #[test]
 fn a_run_repeats_byte_for_byte_and_computes_nothing_again() {
     let folder = project();

@@ -41,8 +41,12 @@ fn project() -> tempfile::TempDir {
 }
 
 fn start(folder: &Path) -> Child {
+    start_of(folder, "experiments/long.toml")
+}
+
+fn start_of(folder: &Path, experiment: &str) -> Child {
     let mut command = Command::cargo_bin("rigbench").expect("cargo builds the binary for its tests");
-    command.current_dir(folder).args(["run", "experiments/long.toml"]);
+    command.current_dir(folder).args(["run", experiment]);
     command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
@@ -71,10 +75,17 @@ fn finished(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 
 /// The rows of results.csv without what a clock said.
 fn rows(folder: &Path) -> Vec<BTreeMap<String, String>> {
-    let mut reader = csv::Reader::from_path(folder.join("results/long/results.csv")).unwrap();
+    rows_of(folder, "long")
+}
+
+fn rows_of(folder: &Path, experiment: &str) -> Vec<BTreeMap<String, String>> {
+    let path = folder.join("results").join(experiment).join("results.csv");
+    let mut reader = csv::Reader::from_path(path).unwrap();
     let mut rows: Vec<BTreeMap<String, String>> = reader.deserialize().map(|row| row.unwrap()).collect();
     for row in &mut rows {
-        row.retain(|column, _| !["_us", "_ns_", "pareto", "flip_hdr"].iter().any(|timed| column.contains(timed)));
+        row.retain(|column, _| {
+            !["_us", "_ns_", "pareto", "flip_hdr", "bake_s"].iter().any(|timed| column.contains(timed))
+        });
     }
     rows
 }
@@ -136,4 +147,67 @@ fn an_interrupted_sweep_says_so_and_goes_on() {
     let (exit, log) = finish(start(folder.path()));
     assert_eq!(exit, Some(0), "{log}");
     assert!(log.contains(&format!("{} cached, 0 failed", kept.len())), "{} kept: {log}", kept.len());
+}
+
+/// Adds a room to the ball and an experiment with a volume in it, whose bake takes a while.
+fn with_a_volume(folder: &Path) {
+    let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
+    write(
+        "scenes/room.toml",
+        "schema_version = 1\ntitle = \"room\"\n\
+         [material.grey]\nalbedo = [0.5, 0.5, 0.5]\n\
+         [[object]]\nname = \"floor\"\nmaterial = \"grey\"\nshape = { quad = { center = [0, 0, 0], u = [2, 0, 0], v = [0, 0, -2] } }\n\
+         [[object]]\nname = \"wall\"\nmaterial = \"grey\"\nshape = { box = { min = [-1, 0, -1], max = [-0.8, 1, 1] } }\n\
+         [[object]]\nname = \"ball\"\nreceiver = true\nshape = { sphere = { center = [0, 0.5, 0], radius = 0.3 } }\n",
+    );
+    write(
+        "experiments/volume.toml",
+        "schema_version = 1\nname = \"volume\"\ntitle = \"volume\"\n[image]\nkeep = \"none\"\n\
+         [timing]\nwarmup = 0\nrepeat = 1\n[reference]\npoints = 64\nrelative_error = 0.05\nseconds = 30\n\
+         [effects]\nmode = \"bounces=2\"\n\
+         [matrix]\nscene = [\"room\"]\nlights = [\"lamp\"]\nrig = [\"grid\"]\nprobe_source = [\"rays\"]\n\
+         [rig.grid]\ngrid = { bounds = { min = [-0.7, 0.1, -1], max = [1, 1.5, 1] }, samples = [12, 8, 12] }\n\
+         [probe_source.rays]\ntraced = { spp = 1500 }\n",
+    );
+}
+
+/// Bytes of the logs of bakes.
+fn logged(folder: &Path) -> u64 {
+    let Ok(logs) = std::fs::read_dir(folder.join("results/volume/bakes")) else { return 0 };
+    logs.map(|log| log.unwrap().metadata().map_or(0, |m| m.len())).sum()
+}
+
+#[test]
+fn a_bake_that_was_killed_goes_on_with_the_samples_it_has() {
+    let whole = project();
+    with_a_volume(whole.path());
+    let (exit, log) = finish(start_of(whole.path(), "experiments/volume.toml"));
+    assert_eq!(exit, Some(0), "{log}");
+    assert!(!log.contains("went on with a bake"), "{log}");
+
+    let folder = project();
+    with_a_volume(folder.path());
+    // killed as soon as some of the samples are there
+    let mut child = start_of(folder.path(), "experiments/volume.toml");
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while logged(folder.path()) < 60_000 && Instant::now() < deadline {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    child.kill().unwrap();
+    finish(child);
+    std::thread::sleep(Duration::from_millis(200));
+    let kept = logged(folder.path());
+    assert!(kept >= 60_000, "{kept} bytes");
+    let (exit, log) = finish(start_of(folder.path(), "experiments/volume.toml"));
+    assert_eq!(exit, Some(0), "{log}");
+    assert!(
+        log.contains("went on with a bake that was cut short") && log.contains("of its 1152 samples were there"),
+        "{log}"
+    );
+    assert_eq!(rows_of(folder.path(), "volume"), rows_of(whole.path(), "volume"));
+    assert!(!rows_of(folder.path(), "volume")[0]["bake_rays"].is_empty());
+    // what is done leaves no log behind
+    for folder in [&whole, &folder] {
+        assert!(!folder.path().join("results/volume/bakes").exists());
+    }
 }

@@ -8,14 +8,19 @@ mod lookups;
 use std::f64::consts::PI;
 
 use glam::DVec3;
+use rigbench::experiment::Key;
 use rigbench::light::{Constant, Light, Sphere};
-use rigbench::math::{Rgb, Vector3};
+use rigbench::math::{Rgb, Stream, StreamPurpose, Vector3};
 use rigbench::probe::{GradientSource, Prober, Probes, SampleRequest, depths, texels};
 use rigbench::rig::{RigModel, ShVectors};
+use rigbench::run::BakeLog;
 use rigbench::scene::OrientedBox;
 use rigbench::sh::Window;
 use rigbench::trace::{Bounces, Effects, Effort, TracedGeometry, TracedMaterial, Tracer, Transport};
-use rigbench::volume::{BakeError, BakedVolume, Cells, Layout, Volume, VolumeModel, bake, bake_along};
+use rigbench::volume::{
+    BakeCounts, BakeError, BakedVolume, Cells, Journal, Layout, NoJournal, Volume, VolumeModel, bake, bake_along,
+    bake_with,
+};
 
 fn room() -> OrientedBox {
     OrientedBox::aligned(DVec3::new(-1.0, -0.6, -0.8), DVec3::new(1.0, 0.9, 1.2))
@@ -551,4 +556,71 @@ fn a_path_is_read_by_time() {
     let [middle, ..] = baked.along_path(0, 0.125);
     let ([a, ..], [b, ..]) = (baked.along_path(0, 0.0), baked.along_path(0, 0.25));
     assert!(middle.iter().zip(a.iter().zip(&b)).all(|(m, (a, b))| (m - 0.5 * (a + b)).abs() < 1e-12));
+}
+
+#[test]
+fn a_bake_that_was_cut_short_goes_on_with_what_its_log_holds() {
+    let tracer = Tracer::new(&block());
+    let lights = lights();
+    let transport = Transport::new(&tracer, &lights, Effects::bounces(Bounces::Count(2)));
+    let error = Effort::Error { relative: 0.1, most_samples: 4096, deadline: None };
+    let tree = octree("max_level = 3, interpolation = \"half_gradient\"").replace("max_level = 5, ", "");
+    let grid = format!("grid = {{ {BOX}, samples = [5, 5, 5] }}");
+    for (table, probes) in [
+        (&tree, Probes::Traced { effort: Effort::Samples(24), seed: 1 }),
+        (&grid, Probes::Traced { effort: error, seed: 1 }),
+        (&grid, Probes::Relit { face: 4, iterations: 2, seed: 1 }),
+    ] {
+        let volume = Volume::inline(table).unwrap();
+        let around = prober(&lights, Some(&transport), probes);
+        let baked = |journal: &mut dyn Journal| {
+            let baked = bake_with(&volume, &around, &[], journal).unwrap();
+            let BakeCounts { recalled, traced_now, .. } = baked.counts;
+            let counts = BakeCounts { recalled: 0, traced_now: 0, seconds: 0.0, ..baked.counts };
+            (BakedVolume { counts, ..baked }, recalled, traced_now)
+        };
+        let (whole, none, all_rays) = baked(&mut NoJournal);
+        assert_eq!((none, all_rays), (0, whole.counts.rays.rays()));
+
+        let folder = tempfile::tempdir().unwrap();
+        let key = Key::of_bytes(table.as_bytes());
+        let log = || BakeLog::open(folder.path(), &key).unwrap();
+        let (logged, none, rays) = baked(&mut log());
+        assert_eq!((&logged, none, rays), (&whole, 0, all_rays));
+        let path = std::fs::read_dir(folder.path()).unwrap().next().unwrap().unwrap().path();
+        let bytes = std::fs::read(&path).unwrap();
+        // nothing is traced again where all is there
+        assert_eq!(baked(&mut log()), (whole.clone(), whole.counts.taken, 0));
+
+        let mut stream = Stream::indexed(3, StreamPurpose::Test, 8);
+        let mut shares: Vec<f64> = (0..4).map(|_| stream.uniform()).collect();
+        shares.sort_by(f64::total_cmp);
+        let mut left = all_rays + 1;
+        for share in shares {
+            let cut = (share * bytes.len() as f64) as usize;
+            std::fs::write(&path, &bytes[..cut]).unwrap();
+            let (again, recalled, rays) = baked(&mut log());
+            assert_eq!(again, whole, "cut at {cut} of {}", bytes.len());
+            // a cut loses one stretch at most, and what stands before it is not traced again
+            let lost = whole.counts.taken as f64 * (1.0 - share) + 128.0;
+            assert!(recalled as f64 >= whole.counts.taken as f64 - lost, "{recalled} at {share}");
+            assert!(
+                rays <= left && rays > 0 && (recalled > 0) == (rays < all_rays),
+                "{rays} rays, {recalled} at {share}"
+            );
+            left = rays;
+            // and the log is whole again
+            assert_eq!(baked(&mut log()), (whole.clone(), whole.counts.taken, 0));
+        }
+        // a log of another bake is none
+        let other = bake_with(
+            &volume,
+            &prober(&lights, Some(&transport), Probes::Traced { effort: Effort::Samples(2), seed: 9 }),
+            &[],
+            &mut BakeLog::open(folder.path(), &Key::of_bytes(b"other")).unwrap(),
+        )
+        .unwrap();
+        assert_eq!(other.counts.recalled, 0);
+        assert_ne!(other.values, whole.values);
+    }
 }

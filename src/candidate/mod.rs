@@ -6,7 +6,8 @@ mod volume;
 
 pub use crate::probe::Probes;
 pub use prepared::{
-    Arithmetic, CandidateError, Counts, GpuBench, Lit, Recipe, Surroundings, Timed, prepare, prepare_volume,
+    Arithmetic, CandidateError, Counts, GpuBench, Lit, Recipe, Surroundings, Timed, prepare, prepare_radiance,
+    prepare_volume,
 };
 pub use transition::{FarField, Transition, direct_shares, light_errors, nearer_than_served};
 pub use volume::{Reading, along_path};

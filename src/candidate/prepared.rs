@@ -16,7 +16,7 @@ use crate::probe::{GradientSource, Probes};
 use crate::rig::{AnyRig, LocalPoints, Rig};
 use crate::scene::{OrientedBox, SurfacePoint};
 use crate::sh::ShVectors;
-use crate::sh::{Lobe, Window};
+use crate::sh::{Lobe, MAX_ORDER, Window};
 use crate::trace::{Counters, Transport};
 use crate::volume::BakedVolume;
 
@@ -265,13 +265,37 @@ pub fn prepare_volume(
     reading: Reading,
     gpu: Option<&GpuBench>,
 ) -> Result<Box<dyn Lit>, CandidateError> {
+    let bands = *Lobe::<f64>::new(around.wrap).bands();
+    prepare_bands(baked, arithmetic, around, reading, gpu, bands)
+}
+
+/// The same without the receiver's lobe: what it lights a point with is the radiance from its normal's direction.
+pub fn prepare_radiance(
+    baked: &Arc<BakedVolume>,
+    arithmetic: Arithmetic,
+    around: &Surroundings,
+    reading: Reading,
+    gpu: Option<&GpuBench>,
+) -> Result<Box<dyn Lit>, CandidateError> {
+    prepare_bands(baked, arithmetic, around, reading, gpu, [1.0; MAX_ORDER])
+}
+
+fn prepare_bands(
+    baked: &Arc<BakedVolume>,
+    arithmetic: Arithmetic,
+    around: &Surroundings,
+    reading: Reading,
+    gpu: Option<&GpuBench>,
+    bands: [f64; MAX_ORDER],
+) -> Result<Box<dyn Lit>, CandidateError> {
+    let single = bands.map(|band| band as f32);
     Ok(match arithmetic {
-        Arithmetic::CpuF64 => Box::new(CpuVolume::<f64>::new(baked.clone(), around.bounds, around.wrap, reading)),
-        Arithmetic::CpuF32 => Box::new(CpuVolume::<f32>::new(baked.clone(), around.bounds, around.wrap, reading)),
+        Arithmetic::CpuF64 => Box::new(CpuVolume::<f64>::new(baked.clone(), around.bounds, bands, reading)),
+        Arithmetic::CpuF32 => Box::new(CpuVolume::<f32>::new(baked.clone(), around.bounds, single, reading)),
         Arithmetic::GpuBuffer | Arithmetic::GpuTexture => {
             let bench = gpu.ok_or(CandidateError::NoGpu)?;
             let texture = arithmetic == Arithmetic::GpuTexture;
-            Box::new(GpuVolume::new(baked.clone(), around, reading, bench, texture)?)
+            Box::new(GpuVolume::new(baked.clone(), around, reading, bench, texture, &single)?)
         }
     })
 }

@@ -13,7 +13,7 @@ use crate::gpu::{Evaluator, PreparedEvaluation};
 use crate::math::{Real, Rgb, Vector3};
 use crate::rig::{AnyRig, Gradient, LocalPoints, Model, Packed, Rig, RigModel, ShVectors, scattered_irradiance};
 use crate::scene::{Mesh, OrientedBox, SurfacePoint};
-use crate::sh::{Lobe, coefficients};
+use crate::sh::{MAX_ORDER, coefficients};
 use crate::volume::{BakedVolume, CellShader, Lookup, VolumeModel};
 use crate::with_order;
 
@@ -45,7 +45,7 @@ pub(super) enum Read<T: Real> {
 pub(super) struct CpuVolume<T: Real> {
     baked: Arc<BakedVolume>,
     bounds: OrientedBox,
-    lobe: Lobe<T>,
+    bands: [T; MAX_ORDER],
     /// Boxes up to this frame.
     boxes: Vec<OrientedBox>,
     /// Place among the objects, and the time from 0 to 1.
@@ -55,14 +55,14 @@ pub(super) struct CpuVolume<T: Real> {
 }
 
 impl<T: Real> CpuVolume<T> {
-    pub fn new(baked: Arc<BakedVolume>, bounds: OrientedBox, wrap: f64, reading: Reading) -> Self {
+    /// `bands`: factors of the SH bands, those of the receiver's lobe.
+    pub fn new(baked: Arc<BakedVolume>, bounds: OrientedBox, bands: [T; MAX_ORDER], reading: Reading) -> Self {
         let boxes: Vec<OrientedBox> = reading.before.iter().copied().chain([bounds]).collect();
         let mesh = reading.mesh.filter(|_| baked.volume.lookup == Lookup::PerVertex).cloned();
-        let lobe = Lobe::new(wrap);
         let time = reading.before.len() as f64 / reading.frames.saturating_sub(1).max(1) as f64;
         let at = (reading.object, time);
-        let read = read(&baked, &boxes, at, mesh.as_ref(), &lobe);
-        Self { baked, bounds, lobe, boxes, at, mesh, read }
+        let read = read(&baked, &boxes, at, mesh.as_ref(), &bands);
+        Self { baked, bounds, bands, boxes, at, mesh, read }
     }
 
     fn local(&self, points: &[SurfacePoint]) -> LocalPoints<T> {
@@ -128,23 +128,23 @@ fn read<T: Real>(
     boxes: &[OrientedBox],
     at: (usize, f64),
     mesh: Option<&Mesh>,
-    lobe: &Lobe<T>,
+    bands: &[T; MAX_ORDER],
 ) -> Read<T> {
     match (baked.volume.lookup, mesh) {
         (Lookup::PerObject, _) => {
             let half = boxes[boxes.len() - 1].half;
             Read::PerObject {
                 model: AnyRig::Gradient(Gradient {}).model(half),
-                vectors: Packed::new(object_vectors(baked, boxes, at).rounded::<T>().convolved(lobe.bands())),
+                vectors: Packed::new(object_vectors(baked, boxes, at).rounded::<T>().convolved(bands)),
             }
         }
         (Lookup::PerVertex, Some(mesh)) => {
-            let vectors = baked.vectors().rounded::<T>().convolved(lobe.bands());
+            let vectors = baked.vectors().rounded::<T>().convolved(bands);
             Read::PerVertex(VertexLight::new(baked, &vectors, mesh))
         }
         // an object without a surface has no vertices
         (Lookup::PerPoint | Lookup::PerVertex, _) => {
-            let vectors = baked.vectors().rounded::<T>().convolved(lobe.bands());
+            let vectors = baked.vectors().rounded::<T>().convolved(bands);
             Read::PerPoint { model: baked.model(), vectors: Packed::new(vectors) }
         }
     }
@@ -261,7 +261,7 @@ impl<T: Real> Timed for TimedVolume<'_, T> {
         Ok(seconds_of(|| {
             if !matches!(read, Read::PerPoint { .. }) {
                 let last = &volume.boxes[volume.boxes.len() - 1..];
-                *read = self::read(&volume.baked, last, volume.at, volume.mesh.as_ref(), &volume.lobe);
+                *read = self::read(&volume.baked, last, volume.at, volume.mesh.as_ref(), &volume.bands);
             }
         }))
     }
@@ -312,8 +312,8 @@ impl GpuVolume {
         reading: Reading,
         bench: &GpuBench,
         texture: bool,
+        bands: &[f32; MAX_ORDER],
     ) -> Result<Self, CandidateError> {
-        let lobe = Lobe::<f32>::new(around.wrap);
         let order = baked.values.order;
         let boxes: Vec<OrientedBox> = reading.before.iter().copied().chain([around.bounds]).collect();
         let read = match (baked.volume.lookup, baked.lattice()) {
@@ -322,17 +322,17 @@ impl GpuVolume {
                 let vectors = object_vectors(&baked, &boxes, (reading.object, time));
                 GpuRead::Rig {
                     pipeline: bench.pipeline(&AnyRig::Gradient(Gradient {}), around.bounds.half, order, false)?,
-                    vectors: vectors.rounded::<f32>().convolved(lobe.bands()),
+                    vectors: vectors.rounded::<f32>().convolved(bands),
                     bounds: around.bounds,
                 }
             }
             (Lookup::PerPoint, Some(lattice)) => GpuRead::Rig {
                 pipeline: bench.pipeline(&lattice, baked.bounds.half, order, texture)?,
-                vectors: baked.vectors().rounded::<f32>().convolved(lobe.bands()),
+                vectors: baked.vectors().rounded::<f32>().convolved(bands),
                 bounds: baked.bounds,
             },
             (Lookup::PerPoint, None) => {
-                let vectors = baked.vectors().rounded::<f32>().convolved(lobe.bands());
+                let vectors = baked.vectors().rounded::<f32>().convolved(bands);
                 let shader = baked
                     .cell_shader(vectors.count() * coefficients(order))
                     .ok_or(CandidateError::NoGpuVolume(baked.volume.key()))?;

@@ -10,7 +10,7 @@ use crate::probe::GradientSource;
 use crate::rig::AnyRig;
 use crate::scene::{Layout, LayoutInstance, Scene};
 use crate::sh::Window;
-use crate::volume::Volume;
+use crate::volume::{STRETCH, Volume};
 
 /// The lights of a candidate: a layout, or one of the family that a random layout stands for.
 #[derive(Clone, Debug)]
@@ -137,6 +137,11 @@ impl Candidate {
             "order": self.order,
             "light_model": self.light_model,
             "probe_source": self.probe_source,
+            // errors of a volume's samples are judged by the mean over as many
+            "judged_together": match (&self.method, self.probe_source) {
+                (Method::Volume { .. }, Some(ProbeSource::Traced { spp: None })) => json!(STRETCH),
+                _ => Value::Null,
+            },
             "gradient_source": self.gradient_source,
             "window": self.window,
             "transition": self.transition,

@@ -1,24 +1,44 @@
 use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use glam::DVec3;
 use serde_json::json;
 
-use crate::candidate::Recipe;
-use crate::experiment::{Candidate, Key};
+use super::{BakeLog, Store, StoreError};
+use crate::candidate::{Probes, Recipe};
+use crate::experiment::{ALGORITHMS, Candidate, Key};
 use crate::light::Light;
 use crate::probe::Prober;
 use crate::trace::Transport;
-use crate::volume::{BakedVolume, Structure, bake_along};
+use crate::volume::{BakedVolume, Journal, NoJournal, bake_with};
 
 /// The volumes of a sweep, each baked once: numbers, times and images share them, and so do the candidates that read one differently
 /// or on another backend.
-#[derive(Default)]
+///
+/// Samples by rays are written down as they are taken ([`BakeLog`]), so that a sweep that was killed, and another process of this one, goes on
+/// with them. A sweep that comes to its end removes the logs.
 pub struct Bakery {
     baked: Mutex<HashMap<Key, Result<Arc<BakedVolume>, String>>>,
+    logs: PathBuf,
 }
 
 impl Bakery {
+    /// Its logs lie beside the runs of a store.
+    pub fn of(store: &Store) -> Self {
+        Self { baked: Mutex::default(), logs: logs(store) }
+    }
+
+    /// Removes the logs of every bake for a store: what came of them is kept, or is not wanted any more.
+    pub fn clear(store: &Store) -> Result<(), StoreError> {
+        let folder = logs(store);
+        match std::fs::remove_dir_all(&folder) {
+            Err(cause) if cause.kind() != std::io::ErrorKind::NotFound => {
+                Err(StoreError::new(&folder, "remove the folder", cause))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// The recipe with the volume of its candidate, where the rig is one. A volume that is not there yet is baked now, with all threads:
     /// ask for volumes one after the other, so that the seconds of a bake are its own.
     pub fn stock(
@@ -35,10 +55,12 @@ impl Bakery {
             "lights": candidate.lights.name(),
             "layout": candidate.lights.layout.content,
             "frame": candidate.freeze_frame(),
+            "effects": transport.map(|transport| transport.effects().to_string()),
             "order": recipe.order,
             "probes": format!("{:?}", recipe.probes),
             "gradients": recipe.gradients,
             "window": recipe.window,
+            "algorithms": ALGORITHMS.candidate,
         }));
         let known = self.baked.lock().expect("no holder panics").get(&key).cloned();
         let baked = match known {
@@ -54,22 +76,45 @@ impl Bakery {
                         gradients: recipe.gradients,
                         window: recipe.window,
                     };
-                    let tracks: Vec<DVec3> = match volume.structure {
-                        Structure::Path { samples } => candidate
-                            .scene
-                            .receivers
-                            .iter()
-                            .filter(|receiver| receiver.mesh.is_some())
-                            .flat_map(|receiver| (0..samples).map(|k| receiver.center_along(k, samples)))
-                            .collect(),
-                        _ => Vec::new(),
-                    };
-                    bake_along(volume, &prober, &tracks).map(Arc::new).map_err(|error| error.to_string())
+                    let mut journal = self.journal(&key, &prober);
+                    bake_with(volume, &prober, &volume.tracks(&candidate.scene), &mut *journal)
+                        .map_err(|error| error.to_string())
                 });
+                let made = made.map(Arc::new);
+                if let Ok(volume) = &made {
+                    let counts = volume.counts;
+                    if counts.recalled > 0 && counts.recalled < counts.taken {
+                        eprintln!(
+                            "{}: went on with a bake that was cut short: {} of its {} samples were there",
+                            candidate.label(),
+                            counts.recalled,
+                            counts.taken
+                        );
+                    }
+                }
                 self.baked.lock().expect("no holder panics").insert(key, made.clone());
                 made
             }
         }?;
         Ok(Recipe { volume: Some(baked), ..recipe })
     }
+
+    /// The log of a bake by rays; what is computed faster than it is read, and what cannot be written down, has none.
+    fn journal(&self, key: &Key, prober: &Prober) -> Box<dyn Journal> {
+        if prober.transport.is_none() || prober.probes == Probes::Analytic {
+            return Box::new(NoJournal);
+        }
+        match BakeLog::open(&self.logs, key) {
+            Ok(log) => Box::new(log),
+            Err(error) => {
+                tracing::warn!("the samples of this bake are not kept: {error}");
+                Box::new(NoJournal)
+            }
+        }
+    }
+}
+
+/// The folder of the logs.
+fn logs(store: &Store) -> PathBuf {
+    Path::join(store.root(), "bakes")
 }

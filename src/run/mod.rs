@@ -1,6 +1,7 @@
 //! The run store: what was computed, kept by content, and what has to be computed again and why.
 
 mod arrays;
+mod bake_log;
 mod bakery;
 mod block;
 pub mod claims;
@@ -22,6 +23,7 @@ mod worker;
 
 use crate::experiment::TimingSettings;
 pub use arrays::{ArrayCache, Arrays};
+pub use bake_log::BakeLog;
 pub use block::{Findings, Scores};
 pub use crew::CrewOptions;
 pub use disk::{Lock, StoreError, write_atomic};

@@ -448,7 +448,7 @@ pub fn run_task(file: &Path, task: usize) -> Result<(), TaskError> {
     let experiment = Experiment::load_with(&own.experiment, &changes)?;
     let store = Store::at(&own.out);
     let cache = ArrayCache::at(&experiment.cache_folder());
-    let bakery = Bakery::default();
+    let bakery = Bakery::of(&store);
     let work = Workshop {
         experiment: &experiment,
         store: &store,

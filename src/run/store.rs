@@ -22,6 +22,7 @@ use crate::experiment::{Identity, Key, TimingIdentity};
 /// runs/RUN/flip_hdr.json    HDR FLIP, where it was measured
 /// runs/RUN/timings/T.json   times by machine, adapter and driver
 /// images/RUN.exr
+/// bakes/KEY.samples         samples of volumes, while a sweep goes on (BakeLog)
 /// ```
 ///
 /// RUN is 12 hex digits of the key; the whole key stands inside and is compared. Every file is written whole or not at all, and none is

@@ -256,6 +256,9 @@ pub fn sweep(
     store: &Store,
     options: &SweepOptions,
 ) -> Result<Sweep, SweepError> {
+    if options.force && !options.gather {
+        Bakery::clear(store)?;
+    }
     let identities: Vec<Identity> = candidates.par_iter().map(Candidate::identity).collect();
     let surveyed = store.survey_with_records(&identities, options.force);
     let mut runs: Vec<Run> = Vec::with_capacity(candidates.len());
@@ -290,7 +293,7 @@ pub fn sweep(
     }
     let cache = ArrayCache::at(&experiment.cache_folder());
     let no_gpu = adapter.as_ref().and_then(|a| a.as_ref().err().cloned());
-    let bakery = Bakery::default();
+    let bakery = Bakery::of(store);
     let work =
         Workshop { experiment, store, cache: &cache, bakery: &bakery, bench, no_gpu, driver, force: options.force };
     let mut crew = match &options.engine {
@@ -314,6 +317,9 @@ pub fn sweep(
     }
     if !interrupted {
         interrupted = images(&work, &mut runs, options, crew.as_mut())?;
+    }
+    if !interrupted && !options.gather && runs.iter().all(|run| !matches!(run.ending, Ending::Open)) {
+        Bakery::clear(store)?;
     }
     let driver = work.driver.clone();
     Ok(Sweep { runs, interrupted, adapter, driver })

@@ -86,7 +86,7 @@ pub fn serve(experiment: &Experiment, store: &Store, force: bool) {
         .map(|(index, candidate)| (candidate.identity().key(), index))
         .collect();
     let cache = ArrayCache::at(&experiment.cache_folder());
-    let bakery = Bakery::default();
+    let bakery = Bakery::of(store);
     let mut gpu: Option<Result<GpuBench, String>> = None;
     for order in orders {
         let keys: Vec<(Key, bool)> = match &order {

@@ -11,10 +11,11 @@ use super::cells::{Cells, Place, corner_places, position};
 use super::config::{Lookup, Structure, Volume, budget_help};
 use super::forest::Forest;
 use super::heuristic::{Criterion, Evidence};
+use super::journal::{Journal, NoJournal, Stretch, asked, stretches};
 use super::model::{Across, CellModel, VolumeModel};
 use super::overlap::triangle_overlaps_box;
 use crate::math::{Real, Rgb, Vector3};
-use crate::probe::{Depths, Prober, Probes, SampleRequest, Texel, depths, texels};
+use crate::probe::{Depths, Prober, Probes, SampleRequest, Sampled, Texel, depths, texels};
 use crate::rig::interpolation::Interpolation;
 use crate::rig::{AnyRig, AxisNames, Lattice, LocalPoints, Rig, RigModel, ShVectors};
 use crate::scene::OrientedBox;
@@ -67,6 +68,11 @@ pub struct BakeCounts {
     pub rays: Counters,
     /// Rays for depths: heuristics and what lies inside.
     pub depth_rays: u64,
+    /// Of the samples taken, those that an earlier bake, which did not end, had left; their rays are among `rays`.
+    pub recalled: u64,
+    /// Of `rays`, those that this bake traced itself.
+    pub traced_now: u64,
+    /// Of all that took part, one after the other.
     pub seconds: f64,
 }
 
@@ -116,6 +122,11 @@ fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
 /// A bake under way.
 struct Baker<'a> {
     volume: &'a Volume,
+    journal: &'a mut dyn Journal,
+    /// How often the volume was lit again.
+    iteration: u32,
+    /// Seconds of what was recalled.
+    earlier: f64,
     prober: &'a Prober<'a>,
     tracer: Option<&'a Tracer>,
     resolution: Place,
@@ -135,6 +146,31 @@ pub fn bake(volume: &Volume, prober: &Prober) -> Result<BakedVolume, BakeError> 
 
 /// The same, where `tracks` are the world places of samples along paths, object after object.
 pub fn bake_along(volume: &Volume, prober: &Prober, tracks: &[DVec3]) -> Result<BakedVolume, BakeError> {
+    bake_with(volume, prober, tracks, &mut NoJournal)
+}
+
+/// The same, going on from what a journal holds and writing into it what is taken.
+pub fn bake_with(
+    volume: &Volume,
+    prober: &Prober,
+    tracks: &[DVec3],
+    journal: &mut dyn Journal,
+) -> Result<BakedVolume, BakeError> {
+    bake_laid_out(volume, prober, tracks, journal, None)
+}
+
+/// Takes the samples of a volume again, where they stand: its cells stay what they are.
+pub fn resample(baked: &BakedVolume, prober: &Prober, tracks: &[DVec3]) -> Result<BakedVolume, BakeError> {
+    bake_laid_out(&baked.volume, prober, tracks, &mut NoJournal, Some(baked.layout.clone()))
+}
+
+fn bake_laid_out(
+    volume: &Volume,
+    prober: &Prober,
+    tracks: &[DVec3],
+    journal: &mut dyn Journal,
+    layout: Option<Layout>,
+) -> Result<BakedVolume, BakeError> {
     let start = Instant::now();
     let bounds = prober.bounds;
     if prober.bounds.half.iter().any(|half| !(*half > 0.0 && half.is_finite())) {
@@ -142,6 +178,9 @@ pub fn bake_along(volume: &Volume, prober: &Prober, tracks: &[DVec3]) -> Result<
     }
     let mut baker = Baker {
         volume,
+        journal,
+        iteration: 0,
+        earlier: 0.0,
         prober,
         tracer: prober.transport.map(|transport| transport.tracer()),
         resolution: [0; 3],
@@ -152,7 +191,11 @@ pub fn bake_along(volume: &Volume, prober: &Prober, tracks: &[DVec3]) -> Result<
         counts: BakeCounts::default(),
         mean: 0.0,
     };
+    if let Some(Layout::Cells(cells)) = &layout {
+        baker.resolution = cells.resolution;
+    }
     let layout = match &volume.structure {
+        _ if layout.is_some() => layout.expect("it is some"),
         Structure::Grid { samples } => Layout::Grid(*samples),
         Structure::TwoLevel { samples, inner } => {
             let outer = samples.map(|n| n as u32 - 1);
@@ -190,8 +233,10 @@ pub fn bake_along(volume: &Volume, prober: &Prober, tracks: &[DVec3]) -> Result<
         projections: baker.counts.projections,
         singular: baker.counts.singular,
         rays: baker.counts.rays,
+        recalled: baker.counts.recalled,
+        traced_now: baker.counts.traced_now,
         depth_rays: baker.counts.depth_rays + kept.depth_rays,
-        seconds: start.elapsed().as_secs_f64(),
+        seconds: start.elapsed().as_secs_f64() + baker.earlier,
         ..kept
     };
     Ok(baked)
@@ -215,19 +260,55 @@ impl Baker<'_> {
         let derivatives = [self.volume.takes_derivatives(); 3];
         let requests: Vec<SampleRequest> =
             positions.iter().map(|position| SampleRequest { position: *position, derivatives }).collect();
-        let (sampled, rays) = self.prober.take(&requests);
-        self.counts.taken += positions.len() as u64;
-        self.counts.projections += sampled.projections;
-        self.counts.singular += sampled.singular;
-        self.counts.rays += rays;
-        let stride = sampled.vectors.stride();
-        let vectors = requests.first().map_or(1, SampleRequest::vectors);
-        Ok(sampled
-            .vectors
-            .data
-            .chunks_exact(stride * vectors)
-            .map(|data| Taken { value: data[..stride].to_vec(), slopes: data[stride..].to_vec() })
-            .collect())
+        let prober = self.prober;
+        Ok(self.take(&requests, &|asked| prober.take(asked)))
+    }
+
+    /// Takes samples stretch by stretch; what the journal holds is not taken again.
+    fn take(
+        &mut self,
+        requests: &[SampleRequest],
+        take: &dyn Fn(&[SampleRequest]) -> (Sampled<f64>, Counters),
+    ) -> Vec<Taken> {
+        self.counts.taken += requests.len() as u64;
+        let stride = 3 * coefficients(self.prober.order);
+        let mut found: Vec<Option<Taken>> = vec![None; requests.len()];
+        for members in stretches(requests.len()) {
+            let own: Vec<SampleRequest> = members.iter().map(|index| requests[*index]).collect();
+            let key = asked(&own, self.iteration);
+            let size = own.iter().map(|request| stride * request.vectors()).sum::<usize>();
+            let stretch = match self.journal.recall(&key).filter(|stretch| stretch.numbers.len() == size) {
+                Some(stretch) => {
+                    self.counts.recalled += own.len() as u64;
+                    self.earlier += stretch.seconds;
+                    stretch
+                }
+                None => {
+                    let start = Instant::now();
+                    let (sampled, rays) = take(&own);
+                    let stretch = Stretch {
+                        numbers: sampled.vectors.data,
+                        projections: sampled.projections,
+                        singular: sampled.singular,
+                        rays,
+                        seconds: start.elapsed().as_secs_f64(),
+                    };
+                    self.counts.traced_now += rays.rays();
+                    self.journal.note(&key, &stretch);
+                    stretch
+                }
+            };
+            self.counts.projections += stretch.projections;
+            self.counts.singular += stretch.singular;
+            self.counts.rays += stretch.rays;
+            let mut rest = &stretch.numbers[..];
+            for (index, request) in members.into_iter().zip(&own) {
+                let (data, after) = rest.split_at(stride * request.vectors());
+                found[index] = Some(Taken { value: data[..stride].to_vec(), slopes: data[stride..].to_vec() });
+                rest = after;
+            }
+        }
+        found.into_iter().map(|taken| taken.expect("stretches hold every sample")).collect()
     }
 
     /// Takes what of these places was not taken yet.
@@ -274,16 +355,14 @@ impl Baker<'_> {
             // ringing may make it negative, which no surface reflects
             Rgb::from_array(out[0].to_array().map(|e| e.max(0.0)))
         };
-        let (sampled, rays) = self.prober.take_relit(&requests, &irradiance);
-        self.counts.taken += requests.len() as u64;
-        self.counts.projections += sampled.projections;
-        self.counts.rays += rays;
-        let stride = sampled.vectors.stride();
-        let per = requests.first().map_or(1, SampleRequest::vectors);
-        for (index, data) in sampled.vectors.data.chunks_exact(stride * per).enumerate() {
-            baked.values.data[index * stride..(index + 1) * stride].copy_from_slice(&data[..stride]);
+        self.iteration += 1;
+        let prober = self.prober;
+        let taken = self.take(&requests, &|asked| prober.take_relit(asked, &irradiance));
+        let stride = baked.stride();
+        for (index, taken) in taken.iter().enumerate() {
+            baked.values.data[index * stride..(index + 1) * stride].copy_from_slice(&taken.value);
             if let Some(slopes) = &mut baked.slopes {
-                slopes.data[3 * index * stride..3 * (index + 1) * stride].copy_from_slice(&data[stride..]);
+                slopes.data[3 * index * stride..3 * (index + 1) * stride].copy_from_slice(&taken.slopes);
             }
         }
     }

@@ -1,14 +1,15 @@
 //! Volumes as an experiment configures them.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use glam::DVec3;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::heuristic::Heuristic;
+use super::heuristic::{Heuristic, HeuristicFile};
 use super::model::{Across, can_be_continuous};
-use crate::input::{Finite, Finite3, InputError, Source, Spanned, schema};
+use crate::input::{Finite, Finite3, InputError, Source, Spanned, nearest_word, schema};
 use crate::rig::InterpolationChoice;
 use crate::rig::interpolation::Interpolation;
 use crate::scene::{OrientedBox, Scene};
@@ -41,11 +42,14 @@ impl Bounds {
             Bounds::Receiver(name) => match scene.receivers.iter().find(|receiver| receiver.name == *name) {
                 Some(receiver) => receiver.oriented_box(0),
                 None => {
-                    let names: Vec<String> = scene.receivers.iter().map(|r| format!("`{}`", r.name)).collect();
+                    let names: Vec<&str> = scene.receivers.iter().map(|r| r.name.as_str()).collect();
+                    let quoted: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+                    let near =
+                        nearest_word(name, names).map_or(String::new(), |near| format!("; did you mean `{near}`?"));
                     return Err(format!(
-                        "scene `{}` has no receiver or bounds `{name}`; it has {}",
+                        "scene `{}` has no receiver or bounds `{name}`; it has {}{near}",
                         scene.name,
-                        names.join(", ")
+                        quoted.join(", ")
                     ));
                 }
             },
@@ -476,22 +480,51 @@ fn counts(source: &Source, list: &Spanned<Vec<Spanned<i64>>>, least: i64, most: 
     })
 }
 
-/// The volume of an inline table, as the command line gives it.
+/// An inline text of the command line: a volume's table, and beside it the heuristics that it names.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct InlineFile {
+    grid: Option<Spanned<GridFile>>,
+    two_level: Option<Spanned<TwoLevelFile>>,
+    octree: Option<Spanned<OctreeFile>>,
+    path: Option<Spanned<PathFile>>,
+    #[serde(default)]
+    heuristic: BTreeMap<Spanned<String>, Spanned<HeuristicFile>>,
+}
+
 impl Volume {
+    /// The volume of an inline table, as the command line gives it: `octree = { ... }`, and where it names a heuristic of its own
+    /// `heuristic.NAME = { any = [...] }` on another line.
     pub fn inline(text: &str) -> Result<Self, InputError> {
         let source = Source::inline("rig", text);
+        let InlineFile { grid, two_level, octree, path, heuristic } = source.parse()?;
+        for (name, table) in &heuristic {
+            table.get_ref().resolve(&source, table.span())?;
+            if Heuristic::WORDS.contains(&name.get_ref().as_str()) {
+                let message = format!("`{}` is a built-in heuristic; give the table another name", name.get_ref());
+                return Err(source.error(name.span(), message));
+            }
+        }
         let named = |name: &Spanned<String>| {
-            Heuristic::named(name.get_ref())
-                .ok_or_else(|| source.unknown_word(name.span(), "heuristic", name.get_ref(), Heuristic::WORDS))
+            let defined = heuristic.iter().find(|(known, _)| known.get_ref() == name.get_ref());
+            match (Heuristic::named(name.get_ref()), defined) {
+                (Some(word), _) => Ok(word),
+                (None, Some((_, table))) => table.get_ref().resolve(&source, table.span()),
+                (None, None) => {
+                    let known = heuristic.keys().map(|name| name.get_ref().as_str());
+                    let allowed = Heuristic::WORDS.into_iter().chain(known);
+                    Err(source.unknown_word(name.span(), "heuristic", name.get_ref(), allowed))
+                }
+            }
         };
         let setting = VolumeSetting { interpolation: None, heuristic: None, named: &named };
-        source.parse::<VolumeFile>()?.resolve(&source, 0..text.len(), &setting)
+        VolumeFile { grid, two_level, octree, path }.resolve(&source, 0..text.len(), &setting)
     }
 
-    /// Whether an inline table is a volume's.
-    pub fn is_inline(text: &str) -> bool {
-        VolumeFile::KEYS
-            .iter()
-            .any(|key| text.trim_start().strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with('=')))
+    /// World places of its samples along the scene's moving objects, object after object; none for other structures.
+    pub fn tracks(&self, scene: &Scene) -> Vec<DVec3> {
+        let Structure::Path { samples } = self.structure else { return Vec::new() };
+        let moving = scene.receivers.iter().filter(|receiver| receiver.mesh.is_some());
+        moving.flat_map(|receiver| (0..samples).map(move |k| receiver.center_along(k, samples))).collect()
     }
 }

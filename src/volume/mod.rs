@@ -11,15 +11,19 @@ mod cells;
 mod config;
 mod forest;
 mod heuristic;
+mod journal;
 mod model;
 mod overlap;
 mod section;
 mod shader;
 
-pub use bake::{BakeCounts, BakeError, BakedVolume, FaceJump, Layout, bake, bake_along, rms_over_normals};
+pub use bake::{
+    BakeCounts, BakeError, BakedVolume, FaceJump, Layout, bake, bake_along, bake_with, resample, rms_over_normals,
+};
 pub use cells::{Cell, Cells, Face, LEAF, Locator, NONE, Place};
 pub use config::{Bounds, Lookup, Structure, Volume, VolumeFile, VolumeSetting};
 pub use heuristic::{Criterion, Evidence, Heuristic, HeuristicFile};
+pub use journal::{Asked, Journal, NoJournal, STRETCH, Stretch};
 pub use model::{Across, CellModel, VolumeModel, can_be_continuous};
 pub use overlap::{distance_to_triangle, triangle_overlaps_box};
 pub use section::Section;

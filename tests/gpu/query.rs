@@ -51,7 +51,7 @@ fn a_query_on_the_gpu_gives_every_quantity() {
                     assert!(
                         cpu.iter().zip(&gpu).all(|(a, b)| a.get("i") == b.get("i") && a.get("axis") == b.get("axis"))
                     );
-                    // and the other order is another answer
+                    // and the other rig is another answer
                     if quantity == "sh" && order == "3" {
                         let other = answer(folder.path(), &["--rig", rigs[0], "--quantity", "sh", "--order", "3"]);
                         assert!(rig == rigs[0] || disagreement(&other, &gpu) > 1e-3);
@@ -59,5 +59,45 @@ fn a_query_on_the_gpu_gives_every_quantity() {
                 }
             }
         }
+    });
+}
+
+#[test]
+fn a_query_of_a_volume_on_the_gpu_is_that_of_the_cpu() {
+    on_gpu("a_query_of_a_volume_on_the_gpu_is_that_of_the_cpu", |_| {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, text) in [("ball.toml", SCENE), ("lights.toml", LIGHTS), ("points.csv", POINTS)] {
+            std::fs::write(folder.path().join(name), text).unwrap();
+        }
+        let bounds = "bounds = { min = [8.2, 0.3, -4.8], max = [9.7, 1.8, -3.3] }";
+        for rig in [
+            format!("grid = {{ {bounds}, samples = [4, 3, 4], interpolation = \"half_gradient\" }}"),
+            format!("octree = {{ {bounds}, min_level = 1, max_level = 3, interpolation = \"tricubic\" }}"),
+        ] {
+            for (quantity, tolerance) in [("irradiance", 2e-5), ("sh", 2e-5), ("sh-gradient", 5e-3)] {
+                let asked = ["--rig", &rig, "--quantity", quantity, "--order", "3"];
+                let cpu = answer(folder.path(), &asked);
+                let gpu = answer(folder.path(), &[&asked[..], &["--backend", "gpu"]].concat());
+                let off = disagreement(&cpu, &gpu);
+                assert!(off < tolerance && off > 0.0, "{rig}, {quantity}: {off:e}");
+            }
+        }
+        // what the device has no shader for is said
+        let rig = format!("two_level = {{ {bounds}, samples = [3, 3, 3], inner = 2 }}");
+        let mut command = Command::cargo_bin("rigbench").expect("cargo builds the binary for its tests");
+        let asked = [
+            "query",
+            "./ball.toml",
+            "--lights",
+            "./lights.toml",
+            "--points",
+            "points.csv",
+            "--backend",
+            "gpu",
+            "--rig",
+        ];
+        let output = command.current_dir(folder.path()).args(asked).arg(rig).output().unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        assert!(String::from_utf8_lossy(&output.stderr).contains("--backend cpu"));
     });
 }

@@ -2,17 +2,21 @@
 
 mod gpu;
 mod points;
+mod projection;
 mod values;
+mod volume;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
+use toml::de::DeTable;
 
 use self::points::read_points;
 use self::values::{Values, write_csv};
 use super::{Exit, Failure, print};
 use crate::candidate::{FittedRig, RigStage, local_points};
+use crate::input::{InputError, Source};
 use crate::light::{self, Light, LightModel};
 use crate::math::{Real, Rgb, Stream, StreamPurpose, Vector3};
 use crate::probe::{GradientSource, Probes};
@@ -21,6 +25,7 @@ use crate::rig::AnyRig;
 use crate::scene::{Layout, OrientedBox, Receiver, Scene, SurfacePoint, resolve_layout, resolve_scene};
 use crate::sh::{Lobe, MAX_ORDER, Window};
 use crate::trace::{Effects, EffectsChoice, Effort, Projected, SceneFacts, Seed, TracedGeometry, Tracer, Transport};
+use crate::volume::{Volume, VolumeFile};
 use crate::with_order;
 
 /// Evaluate the reference, or a rig, at points of your own; CSV to stdout
@@ -34,7 +39,8 @@ pub struct Query {
     /// Light layout: a file's path, or a name under scenes/lights/ (NAME#07 for one of a random family)
     #[arg(long, value_name = "LAYOUT")]
     pub lights: Option<String>,
-    /// Inline TOML rig, e.g. 'gradient = {}', or `direct`; absent: the reference
+    /// Inline TOML rig or volume, e.g. 'gradient = {}' or 'grid = { bounds = "room", samples = [5, 4, 5] }', or `direct`; absent: the
+    /// reference. A volume may bring heuristics of its own on further lines: heuristic.NAME = { any = [...] }
     #[arg(long, value_name = "TOML")]
     pub rig: Option<String>,
     /// Whose box the rig spans; needed where the scene has several receivers
@@ -110,6 +116,32 @@ impl Query {
     }
 }
 
+/// What is asked.
+enum Model {
+    /// No model: the light itself.
+    Reference,
+    Rig(AnyRig),
+    Volume(Volume),
+}
+
+impl Model {
+    /// The rig or the volume of an inline text.
+    fn inline(text: &str) -> Result<Self, InputError> {
+        let source = Source::inline("rig", text);
+        let tree = DeTable::parse(text).map_err(|error| source.toml_error(&error))?;
+        let is_volume = |key: &str| VolumeFile::KEYS.contains(&key);
+        if tree.get_ref().keys().any(|key| is_volume(key.get_ref())) {
+            return Volume::inline(text).map(Self::Volume);
+        }
+        let known = AnyRig::KEYS.iter().chain(&VolumeFile::KEYS).copied();
+        let stranger = tree.get_ref().keys().find(|key| !AnyRig::KEYS.contains(&key.get_ref().as_ref()));
+        match stranger {
+            Some(key) => Err(source.unknown_word(key.span(), "rig", key.get_ref(), known)),
+            None => AnyRig::inline(text).map(Self::Rig),
+        }
+    }
+}
+
 /// Runs the query and writes its CSV.
 fn answer(args: &Query, out: &mut dyn Write) -> Result<(), Failure> {
     let folder = Path::new("");
@@ -123,7 +155,12 @@ fn answer(args: &Query, out: &mut dyn Write) -> Result<(), Failure> {
     }
     let with_normals = args.quantity == Quantity::Irradiance;
     let points = read_points(&args.points, with_normals)?;
-    let bounds = receiver_box(&scene, args)?;
+    let model = match args.rig.as_deref().map(str::trim) {
+        None | Some("direct") => Model::Reference,
+        Some(text) => Model::inline(text)?,
+    };
+    let receiver = receiver(&scene, args, &model)?;
+    let bounds = receiver.map(|receiver| receiver.oriented_box(args.frame));
     let choice = EffectsChoice::parse(&args.effects).map_err(Failure::usage)?;
     let effects = choice.resolve(&SceneFacts::of(&scene, lights.len())).0;
     let statics = if effects == Effects::NONE { &[][..] } else { &scene.statics[..] };
@@ -135,10 +172,15 @@ fn answer(args: &Query, out: &mut dyn Write) -> Result<(), Failure> {
         effort: args.spp.map_or(Effort::ACCURATE, |spp| Effort::Samples(spp.max(1))),
         seed: args.seed,
     };
-    let values = match (args.backend, args.precision) {
-        (Backend::Gpu, _) => gpu::values(args, &lighting, &points.points, bounds)?,
-        (Backend::Cpu, Precision::F64) => evaluate::<f64>(args, &lighting, &points.points, bounds)?,
-        (Backend::Cpu, Precision::F32) => evaluate::<f32>(args, &lighting, &points.points, bounds)?,
+    let rig = match &model {
+        Model::Rig(rig) => Some(rig),
+        Model::Reference | Model::Volume(_) => None,
+    };
+    let values = match (&model, args.backend, args.precision) {
+        (Model::Volume(volume), ..) => volume::values(args, &lighting, &scene, volume, receiver, &points.points)?,
+        (_, Backend::Gpu, _) => gpu::values(args, &lighting, rig, &points.points, bounds)?,
+        (_, Backend::Cpu, Precision::F64) => evaluate::<f64>(args, &lighting, rig, &points.points, bounds)?,
+        (_, Backend::Cpu, Precision::F32) => evaluate::<f32>(args, &lighting, rig, &points.points, bounds)?,
     };
     write_csv(args.quantity, &points, &values, out).map_err(Failure::internal)
 }
@@ -174,9 +216,8 @@ fn load_lights(word: &str, scene: &Scene, args: &Query) -> Result<Vec<Light<f64>
     }
 }
 
-/// The box that a rig spans: that of the named receiver, else of the only one. `None` where the scene has none or several and
-/// no rig needs one.
-fn receiver_box(scene: &Scene, args: &Query) -> Result<Option<OrientedBox>, Failure> {
+/// The named receiver, else the only one. `None` where the scene has none or several and no rig needs one.
+fn receiver<'s>(scene: &'s Scene, args: &Query, model: &Model) -> Result<Option<&'s Receiver>, Failure> {
     let names: Vec<&str> = scene.receivers.iter().map(|r| r.name.as_str()).collect();
     let chosen: Option<&Receiver> = match (&args.receiver, &scene.receivers[..]) {
         (Some(name), receivers) => match receivers.iter().find(|r| r.name == *name) {
@@ -192,13 +233,13 @@ fn receiver_box(scene: &Scene, args: &Query) -> Result<Option<OrientedBox>, Fail
         (None, [only]) => Some(only),
         (None, _) => None,
     };
-    if args.rig.is_some() && chosen.is_none() {
+    if args.rig.is_some() && !matches!(model, Model::Volume(_)) && chosen.is_none() {
         return Err(Failure::usage(match names.is_empty() {
             true => "a rig spans a receiver's box, and the scene has no receiver".to_owned(),
             false => format!("the scene has several receivers; choose one with --receiver: {}", names.join(", ")),
         }));
     }
-    Ok(chosen.map(|receiver| receiver.oriented_box(args.frame)))
+    Ok(chosen)
 }
 
 /// Central-difference step of a rig's own gradient, as a share of the box's half diagonal: second-order error about 1e-10
@@ -227,20 +268,17 @@ impl Lighting<'_> {
 fn evaluate<T: Real>(
     args: &Query,
     lighting: &Lighting,
+    rig: Option<&AnyRig>,
     points: &[SurfacePoint],
     bounds: Option<OrientedBox>,
 ) -> Result<Values, Failure> {
-    let rig = match args.rig.as_deref().map(str::trim) {
-        None | Some("direct") => None,
-        Some(text) => Some(AnyRig::inline(text)?),
-    };
     match (rig, lighting.is_sampled()) {
         (None, false) => Ok(exact_values::<T>(args, lighting.lights, points, bounds)),
         (None, true) => Ok(traced_values(args, lighting, points)),
         (Some(rig), _) => {
             let bounds = bounds.expect("a rig was refused without a box");
             let read = |fitted: &FittedRig<T>| Ok(read_rig(args, fitted, &bounds, points));
-            rig_values::<T>(args, lighting, &rig, bounds, read)
+            rig_values::<T>(args, lighting, rig, bounds, read)
         }
     }
 }
@@ -311,6 +349,18 @@ fn read_rig<T: Real>(args: &Query, fitted: &FittedRig<T>, bounds: &OrientedBox, 
     }
 }
 
+/// The work of one of several replicates whose mean is to be as good as all of the work would make one.
+fn in_replicates(effort: Effort) -> Effort {
+    match effort {
+        Effort::Samples(count) => Effort::Samples(count.div_ceil(REPLICATES)),
+        Effort::Error { relative, most_samples, deadline } => Effort::Error {
+            relative: relative * (REPLICATES as f64).sqrt(),
+            most_samples: most_samples.div_ceil(REPLICATES),
+            deadline,
+        },
+    }
+}
+
 /// What a rig makes of the lights, or of traced samples of them. `read` evaluates it.
 fn rig_values<T: Real>(
     args: &Query,
@@ -335,14 +385,7 @@ fn rig_values<T: Real>(
         return read(&stage.fit());
     }
     let transport = Transport::new(lighting.tracer, lighting.lights, lighting.effects);
-    let effort = match lighting.effort {
-        Effort::Samples(count) => Effort::Samples(count.div_ceil(REPLICATES)),
-        Effort::Error { relative, most_samples, deadline } => Effort::Error {
-            relative: relative * (REPLICATES as f64).sqrt(),
-            most_samples: most_samples.div_ceil(REPLICATES),
-            deadline,
-        },
-    };
+    let effort = in_replicates(lighting.effort);
     let replicates = (0..REPLICATES)
         .map(|k| {
             let seed = Stream::indexed(lighting.seed, StreamPurpose::Probe, k).next_u64();
