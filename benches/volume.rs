@@ -32,6 +32,7 @@ fn baked(table: &str) -> BakedVolume {
         order: 3,
         lights: &lights,
         transport: None,
+        device: None,
         probes: Probes::Analytic,
         gradients: GradientSource::Analytic,
         window: Window::None,

@@ -3,6 +3,8 @@
 
 #[path = "gpu/candidates.rs"]
 mod candidates;
+#[path = "gpu/captures.rs"]
+mod captures;
 #[path = "gpu/device.rs"]
 mod device;
 #[path = "gpu/evaluation.rs"]

@@ -40,7 +40,7 @@ fn surroundings(radiance: [f64; 3]) -> Light<f64> {
 
 fn prober<'a>(lights: &'a [Light<f64>], transport: Option<&'a Transport<'a>>, probes: Probes) -> Prober<'a> {
     let gradients = GradientSource::Analytic;
-    Prober { bounds: room(), order: 3, lights, transport, probes, gradients, window: Window::None }
+    Prober { bounds: room(), order: 3, lights, transport, device: None, probes, gradients, window: Window::None }
 }
 
 fn baked(table: &str) -> BakedVolume {
@@ -233,7 +233,7 @@ fn more_levels_come_closer_to_the_truth_and_cost_more() {
         let around = prober(&lights, None, Probes::Analytic);
         let (mut error, mut total) = (0.0, 0.0);
         for q in places(300, volume.bounds.half) {
-            let (truth, _) = around.take(&[SampleRequest::value_at(q.to_array())]);
+            let (truth, _) = around.take(&[SampleRequest::value_at(q.to_array())]).unwrap();
             for (a, b) in value(&volume, &vectors, q).iter().zip(&truth.vectors.data) {
                 error += (a - b).powi(2);
                 total += b * b;
@@ -424,7 +424,7 @@ fn ball(center: DVec3, radius: f64, emission: f64) -> TracedGeometry {
 
 fn sampled(prober: &Prober, place: DVec3) -> (Vec<f64>, rigbench::trace::Counters) {
     let position = prober.bounds.local(place).to_array();
-    let (sampled, counters) = prober.take(&[SampleRequest { position, derivatives: [true; 3] }]);
+    let (sampled, counters) = prober.take(&[SampleRequest { position, derivatives: [true; 3] }]).unwrap();
     (sampled.vectors.data, counters)
 }
 
@@ -433,7 +433,7 @@ fn captured_furnaces_are_exact_whatever_the_face() {
     let tracer = Tracer::new(&furnace(1.0, 0.0));
     let transport = Transport::new(&tracer, &[], Effects::bounces(Bounces::Count(0)));
     for face in [4, 7, 32] {
-        let around = prober(&[], Some(&transport), Probes::Captured { face, paths: 1, seed: 1 });
+        let around = prober(&[], Some(&transport), Probes::Captured { face, paths: 1, seed: 1, on_gpu: false });
         let (data, _) = sampled(&around, DVec3::new(0.2, -0.1, 0.3));
         // L_0 = 2 sqrt(pi) L by exact solid angles; the other bands by quadrature
         assert!((data[0] - 2.0 * PI.sqrt()).abs() < 1e-12, "{face}: {}", data[0]);
@@ -443,7 +443,7 @@ fn captured_furnaces_are_exact_whatever_the_face() {
     // reflected light by paths: E = pi L (1 + a + a^2 + ...)
     let tracer = Tracer::new(&furnace(1.0, 0.5));
     let transport = Transport::new(&tracer, &[], Effects::bounces(Bounces::Infinite));
-    let around = prober(&[], Some(&transport), Probes::Captured { face: 16, paths: 16, seed: 1 });
+    let around = prober(&[], Some(&transport), Probes::Captured { face: 16, paths: 16, seed: 1, on_gpu: false });
     let (data, _) = sampled(&around, DVec3::ZERO);
     assert!((data[0] / (4.0 * PI.sqrt()) - 1.0).abs() < 0.02, "{}", data[0]);
 }
@@ -458,7 +458,7 @@ fn captured_light_comes_to_what_rays_find() {
     let traced = prober(&lights, Some(&transport), Probes::Traced { effort: Effort::Samples(60_000), seed: 1 });
     let (truth, _) = sampled(&traced, place);
     let error = |face: u32| {
-        let around = prober(&lights, Some(&transport), Probes::Captured { face, paths: 16, seed: 2 });
+        let around = prober(&lights, Some(&transport), Probes::Captured { face, paths: 16, seed: 2, on_gpu: false });
         let (data, _) = sampled(&around, place);
         let apart: f64 = data[..27].iter().zip(&truth[..27]).map(|(a, b)| (a - b).powi(2)).sum();
         (apart / truth[..27].iter().map(|b| b * b).sum::<f64>()).sqrt()
@@ -483,7 +483,7 @@ fn gradients_three_ways_agree_on_a_curved_scene_and_say_what_they_clamp() {
         let sum: f64 = data[27..].iter().zip(&exact[27..]).map(|(a, b)| (a - b).powi(2)).sum();
         (sum / exact[27..].iter().map(|b| b * b).sum::<f64>()).sqrt()
     };
-    let captured = Probes::Captured { face: 256, paths: 1, seed: 1 };
+    let captured = Probes::Captured { face: 256, paths: 1, seed: 1, on_gpu: false };
     let (semi, counters) = with(captured, GradientSource::Analytic);
     assert!(apart(&semi) < 0.06, "{}", apart(&semi));
     assert!(counters.gradient_terms > 1000);

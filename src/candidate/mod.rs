@@ -7,7 +7,7 @@ mod volume;
 pub use crate::probe::Probes;
 pub use prepared::{
     Arithmetic, CandidateError, Counts, GpuBench, Lit, Recipe, Surroundings, Timed, prepare, prepare_radiance,
-    prepare_volume,
+    prepare_volume, probe_device,
 };
 pub use transition::{FarField, Transition, direct_shares, light_errors, nearer_than_served};
 pub use volume::{Reading, along_path};
@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use crate::light::{self, DIRECT_ORDER, Light, LightModel, ModelledLight};
 use crate::math::{Real, Rgb, Vector3};
-use crate::probe::{GradientSource, Prober, Sampled, sample_lights};
+use crate::probe::{GradientSource, ProbeDevice, Prober, Sampled, sample_lights};
 use crate::rig::{AnyRig, LocalPoints, Model, Rig, RigModel, SampleRequest, ShVectors};
 use crate::scene::{OrientedBox, SurfacePoint};
 use crate::sh::{Lobe, Window};
@@ -86,22 +86,29 @@ impl<T: Real> RigStage<T> {
     }
 
     /// Takes the samples by rays or captures now; [`RigStage::fit`] then starts from them. For scenes whose static environment blocks and
-    /// reflects.
-    pub fn bake(&mut self, transport: &Transport, probes: Probes) {
+    /// reflects. `device` takes those that want one.
+    pub fn bake(
+        &mut self,
+        transport: &Transport,
+        probes: Probes,
+        device: Option<&dyn ProbeDevice>,
+    ) -> Result<(), String> {
         let start = std::time::Instant::now();
         let prober = Prober {
             bounds: self.bounds,
             order: self.order,
             lights: &[],
             transport: Some(transport),
+            device,
             probes,
             gradients: self.gradients,
             window: self.window,
         };
-        let (sampled, counters) = prober.take(&self.requests);
+        let (sampled, counters) = prober.take(&self.requests)?;
         let vectors = sampled.vectors.rounded();
         let sampled = Sampled { vectors, projections: sampled.projections, singular: sampled.singular };
         self.baked = Some(Bake { sampled, counters, seconds: start.elapsed().as_secs_f64() });
+        Ok(())
     }
 
     /// What a bake computed and how long it took, seconds.

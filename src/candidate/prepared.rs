@@ -7,12 +7,12 @@ use super::volume::{CpuVolume, GpuVolume, Reading};
 use super::{FittedRig, RigStage, direct, local_points, modelled};
 use crate::cost::{Samples, seconds_of};
 use crate::gpu::{
-    DirectEvaluator, Evaluator, Gpu, GpuError, PreparedEvaluation, Sample, Timing, VolumeEvaluator, VolumeFormat,
-    VolumeShape,
+    CubeCapturer, DirectEvaluator, Evaluator, Gpu, GpuError, PreparedEvaluation, Sample, Timing, VolumeEvaluator,
+    VolumeFormat, VolumeShape,
 };
 use crate::light::{self, DIRECT_ORDER, Light, LightModel, ModelledLight, ShaderLight};
 use crate::math::{Real, Rgb, Vector3};
-use crate::probe::{GradientSource, Probes};
+use crate::probe::{GradientSource, ProbeDevice, Probes};
 use crate::rig::{AnyRig, LocalPoints, Rig};
 use crate::scene::{OrientedBox, SurfacePoint};
 use crate::sh::ShVectors;
@@ -222,7 +222,7 @@ pub enum CandidateError {
     #[error("this rig `{0}` has no volume texture; a trilinear lattice has")]
     NoTexture(&'static str),
     #[error(
-        "this `{0}` has no GPU evaluation: grids have, objects that read once have, and octrees with a continuous interpolation"
+        "this `{0}` is too large for its twin on the GPU: its cells and samples are numbered in f32, exact up to 16,777,216"
     )]
     NoGpuVolume(&'static str),
     #[error(
@@ -300,6 +300,21 @@ fn prepare_bands(
     })
 }
 
+/// What takes the probe samples that want a GPU; none where rays or closed forms give them.
+pub fn probe_device(
+    probes: Probes,
+    transport: Option<&Transport>,
+    gpu: Option<&GpuBench>,
+) -> Result<Option<CubeCapturer>, CandidateError> {
+    match (probes, transport) {
+        (Probes::Captured { on_gpu: true, seed, .. }, Some(transport)) => {
+            let bench = gpu.ok_or(CandidateError::NoGpu)?;
+            Ok(Some(CubeCapturer::new(&bench.gpu, transport, seed)?))
+        }
+        _ => Ok(None),
+    }
+}
+
 /// Sets a recipe up.
 pub fn prepare(recipe: &Recipe, around: &Surroundings, gpu: Option<&GpuBench>) -> Result<Box<dyn Lit>, CandidateError> {
     if let Some(baked) = &recipe.volume {
@@ -316,8 +331,8 @@ pub fn prepare(recipe: &Recipe, around: &Surroundings, gpu: Option<&GpuBench>) -
     Ok(match (&recipe.rig, recipe.arithmetic) {
         (None, Arithmetic::CpuF64) => Box::new(Direct::<f64>::new(recipe, around)),
         (None, Arithmetic::CpuF32) => Box::new(Direct::<f32>::new(recipe, around)),
-        (Some(rig), Arithmetic::CpuF64) => Box::new(CpuRig::<f64>::new(rig, recipe, around)),
-        (Some(rig), Arithmetic::CpuF32) => Box::new(CpuRig::<f32>::new(rig, recipe, around)),
+        (Some(rig), Arithmetic::CpuF64) => Box::new(CpuRig::<f64>::new(rig, recipe, around, gpu)?),
+        (Some(rig), Arithmetic::CpuF32) => Box::new(CpuRig::<f32>::new(rig, recipe, around, gpu)?),
         (rig, Arithmetic::GpuBuffer | Arithmetic::GpuTexture) => {
             let bench = gpu.ok_or(CandidateError::NoGpu)?;
             let texture = recipe.arithmetic == Arithmetic::GpuTexture;
@@ -442,13 +457,23 @@ struct CpuRig<T: Real> {
 }
 
 impl<T: Real> CpuRig<T> {
-    fn new(rig: &AnyRig, recipe: &Recipe, around: &Surroundings) -> Self {
-        let stage = stage(rig, recipe, around);
-        Self { fitted: stage.fit(), stage }
+    fn new(
+        rig: &AnyRig,
+        recipe: &Recipe,
+        around: &Surroundings,
+        gpu: Option<&GpuBench>,
+    ) -> Result<Self, CandidateError> {
+        let stage = stage(rig, recipe, around, gpu)?;
+        Ok(Self { fitted: stage.fit(), stage })
     }
 }
 
-fn stage<T: Real>(rig: &AnyRig, recipe: &Recipe, around: &Surroundings) -> RigStage<T> {
+fn stage<T: Real>(
+    rig: &AnyRig,
+    recipe: &Recipe,
+    around: &Surroundings,
+    gpu: Option<&GpuBench>,
+) -> Result<RigStage<T>, CandidateError> {
     let lobe = Lobe::new(around.wrap);
     let mut stage = RigStage::new(
         rig,
@@ -463,9 +488,11 @@ fn stage<T: Real>(rig: &AnyRig, recipe: &Recipe, around: &Surroundings) -> RigSt
     if let (Probes::Traced { .. } | Probes::Captured { .. } | Probes::Relit { .. }, Some(transport)) =
         (recipe.probes, around.transport)
     {
-        stage.bake(transport, recipe.probes);
+        let device = probe_device(recipe.probes, around.transport, gpu)?;
+        let device = device.as_ref().map(|device| device as &dyn ProbeDevice);
+        stage.bake(transport, recipe.probes, device).map_err(CandidateError::Earlier)?;
     }
-    stage
+    Ok(stage)
 }
 
 /// Counts of a fitted rig whose model takes `bytes`.
@@ -553,7 +580,7 @@ impl GpuRig {
         texture: bool,
     ) -> Result<Self, CandidateError> {
         let pipeline = bench.pipeline(rig, around.bounds.half, recipe.order, texture)?;
-        let stage = stage::<f32>(rig, recipe, around);
+        let stage = stage::<f32>(rig, recipe, around, Some(bench))?;
         Ok(Self { fitted: stage.fit(), stage, pipeline })
     }
 }

@@ -185,6 +185,15 @@ impl<T: Real> VertexLight<T> {
         Self { vectors, finder: crate::scene::SurfaceFinder::new(mesh) }
     }
 
+    /// A row a triangle: its vertices.
+    fn triangles(&self) -> Vec<[f32; 4]> {
+        let row = |index: usize| {
+            let [a, b, c] = self.finder.triangle(index);
+            [a as f32, b as f32, c as f32, 0.0]
+        };
+        (0..self.finder.len()).map(row).collect()
+    }
+
     /// The triangle's place in the list and two barycentric weights stand where coordinates would.
     fn local(&self, points: &[SurfacePoint]) -> LocalPoints<T> {
         let mut local = LocalPoints::default();
@@ -297,6 +306,13 @@ enum GpuRead {
     Rig { pipeline: Pipeline, vectors: ShVectors<f32>, bounds: OrientedBox },
     /// Cells: the tree stands behind the vectors.
     Cells { evaluator: Evaluator, shader: CellShader, vectors: ShVectors<f32> },
+    /// Vectors at vertices: the triangles stand behind them.
+    Vertices { evaluator: Evaluator, rows: Vec<[f32; 4]>, light: VertexLight<f32>, mesh: Mesh, samples: ShVectors<f32> },
+}
+
+/// The twin of [`VertexLight::irradiance`], where the rows of the triangles stand behind so many of the vectors.
+fn vertex_taps(vector_rows: usize) -> String {
+    format!("const VERTEX_TRIANGLES = {vector_rows}u;\n{}", include_str!("vertex_taps.wgsl"))
 }
 
 /// A volume that the GPU evaluates.
@@ -316,7 +332,12 @@ impl GpuVolume {
     ) -> Result<Self, CandidateError> {
         let order = baked.values.order;
         let boxes: Vec<OrientedBox> = reading.before.iter().copied().chain([around.bounds]).collect();
-        let read = match (baked.volume.lookup, baked.lattice()) {
+        // an object without a surface has no vertices
+        let lookup = match (baked.volume.lookup, reading.mesh) {
+            (Lookup::PerVertex, None) => Lookup::PerPoint,
+            (lookup, _) => lookup,
+        };
+        let read = match (lookup, baked.lattice()) {
             (Lookup::PerObject, _) => {
                 let time = reading.before.len() as f64 / reading.frames.saturating_sub(1).max(1) as f64;
                 let vectors = object_vectors(&baked, &boxes, (reading.object, time));
@@ -338,7 +359,15 @@ impl GpuVolume {
                     .ok_or(CandidateError::NoGpuVolume(baked.volume.key()))?;
                 GpuRead::Cells { evaluator: Evaluator::new(&bench.gpu, &shader.wgsl, order)?, shader, vectors }
             }
-            (Lookup::PerVertex, _) => return Err(CandidateError::NoGpuVolume("per_vertex")),
+            (Lookup::PerVertex, _) => {
+                let mesh = reading.mesh.expect("an object without a surface is read at every point");
+                let vectors = baked.vectors().rounded::<f32>().convolved(bands);
+                let light = VertexLight::new(&baked, &vectors, mesh);
+                let rows = light.triangles();
+                let wgsl = vertex_taps(light.vectors.count() * coefficients(order));
+                let evaluator = Evaluator::new(&bench.gpu, &wgsl, order)?;
+                GpuRead::Vertices { evaluator, rows, light, mesh: mesh.clone(), samples: vectors }
+            }
         };
         Ok(Self { baked, read })
     }
@@ -352,6 +381,9 @@ impl GpuVolume {
                 let local = local_points(&self.baked.bounds, points);
                 evaluator.prepare_behind(vectors, &shader.rows, &local, total)?
             }
+            GpuRead::Vertices { evaluator, rows, light, .. } => {
+                evaluator.prepare_behind(&light.vectors, rows, &light.local(points), total)?
+            }
         })
     }
 }
@@ -360,7 +392,7 @@ impl Lit for GpuVolume {
     fn irradiance(&self, points: &[SurfacePoint]) -> Result<Vec<Rgb<f64>>, CandidateError> {
         let values = match &self.read {
             GpuRead::Rig { pipeline, vectors, bounds } => pipeline.evaluate(vectors, &local_points(bounds, points))?,
-            GpuRead::Cells { .. } => self.prepared(points, points.len())?.evaluate()?,
+            GpuRead::Cells { .. } | GpuRead::Vertices { .. } => self.prepared(points, points.len())?.evaluate()?,
         };
         Ok(values.iter().map(|e| e.to_double()).collect())
     }
@@ -371,6 +403,9 @@ impl Lit for GpuVolume {
             GpuRead::Cells { shader, vectors, .. } => {
                 Evaluator::parameter_bytes(vectors) + 16 * shader.rows.len() as u64
             }
+            GpuRead::Vertices { rows, light, .. } => {
+                Evaluator::parameter_bytes(&light.vectors) + 16 * rows.len() as u64
+            }
         };
         volume_counts(&self.baked, bytes)
     }
@@ -378,14 +413,15 @@ impl Lit for GpuVolume {
     fn timed<'a>(&'a self, points: &[SurfacePoint], total: usize) -> Result<Box<dyn Timed + 'a>, CandidateError> {
         let once = match &self.read {
             GpuRead::Rig { pipeline, .. } => pipeline.once(),
-            GpuRead::Cells { evaluator, .. } => evaluator.once(),
+            GpuRead::Cells { evaluator, .. } | GpuRead::Vertices { evaluator, .. } => evaluator.once(),
         };
         let once = once + std::time::Duration::from_secs_f64(self.baked.counts.seconds);
-        Ok(Box::new(TimedGpu {
-            fit: Box::new(|| ()),
-            prepared: self.prepared(points, total)?,
-            samples: Vec::new(),
-            once,
-        }))
+        let fit: Box<dyn Fn() + 'a> = match &self.read {
+            GpuRead::Vertices { mesh, samples, .. } => {
+                Box::new(|| drop(std::hint::black_box(VertexLight::new(&self.baked, samples, mesh))))
+            }
+            GpuRead::Rig { .. } | GpuRead::Cells { .. } => Box::new(|| ()),
+        };
+        Ok(Box::new(TimedGpu { fit, prepared: self.prepared(points, total)?, samples: Vec::new(), once }))
     }
 }

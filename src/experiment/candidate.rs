@@ -108,6 +108,11 @@ impl Candidate {
         }
     }
 
+    /// Whether a GPU evaluates it or takes its probe samples.
+    pub fn wants_gpu(&self) -> bool {
+        self.backend == Backend::Gpu || self.probe_source.is_some_and(|source| source.on_gpu())
+    }
+
     /// For messages: the columns side by side, scene and lights first.
     pub fn label(&self) -> String {
         let words: Vec<&str> = self.columns().map(|(_, text)| text).collect();

@@ -168,6 +168,13 @@ pub const COLUMNS: &[Column] = &[
     column("floats", "", Cost, "numbers in the samples that a volume keeps"),
     column("bake_s", "s", Cost, "seconds of the bake, with all threads"),
     column("bake_rays", "", Cost, "rays of the bake, those for depths too"),
+    column("bake_texels", "", Cost, "texels of the bake's captures, those for depths too"),
+    column(
+        "bake_draws",
+        "",
+        Cost,
+        "faces of the bake's captures that the GPU drew, each with the whole static geometry",
+    ),
     column("shadow_rays", "", Circumstance, "shadow rays that were traced for reference and probes"),
     column("closest_rays", "", Circumstance, "rays for the nearest surface that were traced for reference and probes"),
     column("bounces", "", Circumstance, "reflections that were simulated for reference and probes"),

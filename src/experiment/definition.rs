@@ -18,7 +18,7 @@ use crate::sh::{MAX_ORDER, Window};
 use crate::volume::{Heuristic, HeuristicFile};
 
 /// Where a candidate is evaluated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Backend {
     Cpu,
@@ -50,10 +50,26 @@ pub enum ProbeSource {
     Analytic,
     /// Rays, with shadows and bounces; paths a sample, or a number that the program chooses.
     Traced { spp: Option<u32> },
-    /// Cube maps of the scene around the sample; texels along a face's edge, or a number that the program chooses.
-    Captured { face: Option<u32> },
+    /// Cube maps of the scene around the sample, rays or the GPU's rasteriser; texels along a face's edge, or a number that the program
+    /// chooses.
+    Captured {
+        face: Option<u32>,
+        #[serde(skip_serializing_if = "is_cpu")]
+        on: Backend,
+    },
     /// Cube maps of a scene that is lit by the volume of the iteration before.
     Relit { face: Option<u32>, iterations: u32 },
+}
+
+fn is_cpu(backend: &Backend) -> bool {
+    *backend == Backend::Cpu
+}
+
+impl ProbeSource {
+    /// Whether its samples want a GPU, wherever the candidate is evaluated.
+    pub fn on_gpu(&self) -> bool {
+        matches!(self, ProbeSource::Captured { on: Backend::Gpu, .. })
+    }
 }
 
 /// Which lights are evaluated directly and which in the rig.
@@ -109,7 +125,7 @@ impl LightModelFile {
     }
 }
 
-/// `[probe_source.NAME]`: `traced = { spp = 4096 }`, `captured = { face = 64 }` or `relit = { face = 16, iterations = 3 }`.
+/// `[probe_source.NAME]`: `traced = { spp = 4096 }`, `captured = { face = 64, on = "gpu" }` or `relit = { face = 16, iterations = 3 }`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProbeSourceFile {
@@ -135,16 +151,24 @@ struct TracedFile {
 #[serde(deny_unknown_fields)]
 struct CapturedFile {
     face: Option<Spanned<i64>>,
+    #[serde(default = "cpu")]
+    on: Backend,
+}
+
+fn cpu() -> Backend {
+    Backend::Cpu
 }
 
 impl ProbeSourceFile {
     pub fn schema() -> Value {
         let spp = schema::described(schema::whole(1, 1_000_000), "paths a sample");
         let face = schema::described(schema::whole(4, 4096), "texels along a face's edge");
+        let on = schema::default(schema::word(["cpu", "gpu"]), "cpu");
+        let on = schema::described(on, "what takes the captures: rays on the CPU, or the GPU's rasteriser");
         schema::one_key(
             [
                 ("traced", schema::table([schema::optional("spp", spp)])),
-                ("captured", schema::table([schema::optional("face", face.clone())])),
+                ("captured", schema::table([schema::optional("face", face.clone()), schema::optional("on", on)])),
                 (
                     "relit",
                     schema::table([
@@ -174,8 +198,9 @@ impl ProbeSourceFile {
             let iterations = whole(source, &relit.iterations, "iterations", 0..=100)?;
             return Ok(ProbeSource::Relit { face, iterations });
         }
-        let face = self.captured.as_ref().and_then(|captured| captured.get_ref().face.as_ref());
-        Ok(ProbeSource::Captured { face: face.map(|n| whole(source, n, "face", 4..=4096)).transpose()? })
+        let captured = self.captured.as_ref().expect("one key is given").get_ref();
+        let face = captured.face.as_ref().map(|n| whole(source, n, "face", 4..=4096)).transpose()?;
+        Ok(ProbeSource::Captured { face, on: captured.on })
     }
 }
 
@@ -476,7 +501,7 @@ impl WordAxis for ProbeSource {
         match word {
             "analytic" => Some(ProbeSource::Analytic),
             "traced" => Some(ProbeSource::Traced { spp: None }),
-            "captured" => Some(ProbeSource::Captured { face: None }),
+            "captured" => Some(ProbeSource::Captured { face: None, on: Backend::Cpu }),
             _ => None,
         }
     }

@@ -6,6 +6,7 @@
 //!
 //! A software adapter gives the same answers within rounding; its timings are no GPU timings, and its label says so.
 
+mod capture;
 mod device;
 mod direct;
 mod evaluate;
@@ -18,6 +19,7 @@ mod timing;
 mod trace;
 mod volume;
 
+pub use capture::{CaptureShaders, CubeCapturer};
 pub use device::{AdapterDescription, AdapterKind, Gpu, GpuError, GpuFeatures, GpuLimits, NoGpu};
 pub use direct::DirectEvaluator;
 pub use evaluate::{Evaluator, PreparedEvaluation};

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::pass::{BoundPass, Grid, Parameters, PointPass};
 use super::{Gpu, GpuError, Sample, ShaderText};
-use crate::light::Light;
+use crate::light::{Environment, Light};
 use crate::math::{Rgb, Vector3};
 use crate::rig::LocalPoints;
 use crate::sh::{basis, coefficients};
@@ -15,7 +15,8 @@ use crate::trace::{Bounces, Effects, TracedGeometry};
 /// Rows of the header, of a triangle, of a light.
 const HEADER_ROWS: usize = 4;
 const TRIANGLE_ROWS: usize = 5;
-const LIGHT_ROWS: usize = 4;
+pub(super) const LIGHT_ROWS: usize = 4;
+const MAP_ROWS: usize = 3;
 /// Rows that a path writes.
 const ARRIVAL_ROWS: usize = 6;
 /// As for the CPU's rays: 32 roundings of the largest coordinate.
@@ -46,7 +47,7 @@ pub struct ProbeEstimate {
 }
 
 impl ProbeTracer {
-    /// Refuses environment maps, which the device does not sample, and trees deeper than its stack.
+    /// Refuses trees deeper than its stack. Environment maps are met by the rays that miss everything, and not drawn from.
     pub fn new(
         gpu: &Gpu,
         geometry: &TracedGeometry,
@@ -71,17 +72,7 @@ impl ProbeTracer {
             false => geometry,
         };
         let packed = Packed::new(traced, lights, effects, seed)?;
-        let text = ShaderText::new()
-            .with_points()
-            .with_count("NODES", packed.nodes as u32)
-            .with_count("TRIANGLES", packed.triangles as u32)
-            .with_count("EMITTERS", packed.emitters as u32)
-            .with_count("LIGHTS", packed.lights as u32)
-            .with_count("TRIANGLE_ROWS", TRIANGLE_ROWS as u32)
-            .with_number("EPSILON", EPSILON)
-            .with_number("EDGE", 8.0 * f32::EPSILON)
-            .with_number("HALF_DIAGONAL", packed.half_diagonal)
-            .with(model);
+        let text = packed.text().with(model);
         let grid = Grid { rows_a_point: ARRIVAL_ROWS as u32, ..Grid::THREAD_A_POINT };
         let pass = PointPass::new(gpu, "trace_probes", text, Parameters::Buffer, grid)?;
         let scene = gpu.checked("uploading the scene", || {
@@ -172,18 +163,40 @@ impl Sums {
 }
 
 /// The scene as rows of four numbers, and where its parts begin.
-struct Packed {
-    rows: Vec<[f32; 4]>,
-    origin: DVec3,
-    half_diagonal: f32,
+pub(super) struct Packed {
+    pub rows: Vec<[f32; 4]>,
+    pub origin: DVec3,
+    pub half_diagonal: f32,
     nodes: usize,
-    triangles: usize,
+    pub triangles: usize,
     emitters: usize,
-    lights: usize,
+    pub lights: usize,
+    pub light_count: usize,
+    /// Sources of the triangles, in their order here.
+    pub sources: Vec<u32>,
 }
 
 impl Packed {
-    fn new(geometry: &TracedGeometry, lights: &[Light<f64>], effects: Effects, seed: u64) -> Result<Self, GpuError> {
+    /// The points and the constants that trace_probes.wgsl wants before it.
+    pub fn text(&self) -> ShaderText {
+        ShaderText::new()
+            .with_points()
+            .with_count("NODES", self.nodes as u32)
+            .with_count("TRIANGLES", self.triangles as u32)
+            .with_count("EMITTERS", self.emitters as u32)
+            .with_count("LIGHTS", self.lights as u32)
+            .with_count("TRIANGLE_ROWS", TRIANGLE_ROWS as u32)
+            .with_number("EPSILON", EPSILON)
+            .with_number("EDGE", 8.0 * f32::EPSILON)
+            .with_number("HALF_DIAGONAL", self.half_diagonal)
+    }
+
+    pub fn new(
+        geometry: &TracedGeometry,
+        lights: &[Light<f64>],
+        effects: Effects,
+        seed: u64,
+    ) -> Result<Self, GpuError> {
         let corners = geometry.triangles.iter().flatten();
         let (min, max) =
             corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), p| (min.min(*p), max.max(*p)));
@@ -242,10 +255,20 @@ impl Packed {
 
         let first_light = rows.len();
         let mut surroundings = Rgb::zero();
+        let mut maps = Vec::new();
         for light in lights {
-            pack_light(light, origin, &mut rows, &mut surroundings)?;
+            match light {
+                Light::Constant(constant) => surroundings += constant.radiance,
+                Light::Environment(environment) => maps.push(environment),
+                light => pack_light(light, origin, &mut rows),
+            }
         }
         let count = (rows.len() - first_light) / LIGHT_ROWS;
+        let first_map = rows.len();
+        rows.resize(first_map + MAP_ROWS * maps.len(), [0.0; 4]);
+        for (index, environment) in maps.iter().enumerate() {
+            pack_map(environment, first_map + MAP_ROWS * index, &mut rows);
+        }
         // a binding is not empty, and no index leaves it
         rows.push([0.0; 4]);
 
@@ -259,7 +282,18 @@ impl Packed {
         rows[1] = [drawn.len() as u32, count as u32, most, flags].map(f32::from_bits);
         let [r, g, b] = surroundings.to_array().map(|v: f64| v as f32);
         rows[2] = [r, g, b, f32::from_bits((seed ^ (seed >> 32)) as u32)];
-        Ok(Self { rows, origin, half_diagonal: half_diagonal as f32, nodes, triangles, emitters, lights: first_light })
+        rows[3] = [first_map as u32, maps.len() as u32, 0, 0].map(f32::from_bits);
+        Ok(Self {
+            rows,
+            origin,
+            light_count: count,
+            half_diagonal: half_diagonal as f32,
+            nodes,
+            triangles,
+            emitters,
+            lights: first_light,
+            sources: tree.primitive_indices,
+        })
     }
 }
 
@@ -297,12 +331,7 @@ fn tree(boxes: &[Aabb]) -> Result<Bvh2, GpuError> {
 }
 
 /// Four rows a light: place and kind; two rows of its shape; radiance, intensity or irradiance.
-fn pack_light(
-    light: &Light<f64>,
-    origin: DVec3,
-    rows: &mut Vec<[f32; 4]>,
-    surroundings: &mut Rgb<f64>,
-) -> Result<(), GpuError> {
+fn pack_light(light: &Light<f64>, origin: DVec3, rows: &mut Vec<[f32; 4]>) {
     let about = |p: Vector3<f64>| (p.to_double() - origin).as_vec3();
     let mut push = |kind: u32, a: glam::Vec3, b: [f32; 4], c: [f32; 4], strength: Rgb<f64>| {
         let [r, g, blue] = strength.to_array().map(|v| v as f32);
@@ -338,13 +367,19 @@ fn pack_light(
         }
         Light::Point(point) => push(4, about(point.position), none, none, point.intensity),
         Light::Directional(sun) => push(5, direction(sun.towards), none, none, sun.irradiance),
-        Light::Constant(constant) => *surroundings += constant.radiance,
-        Light::Environment(_) => {
-            return Err(GpuError::Refused {
-                during: "tracing probes".to_owned(),
-                reason: "environment maps are sampled on the CPU alone".to_owned(),
-            });
-        }
+        Light::Constant(_) | Light::Environment(_) => unreachable!("what is infinitely far is no light that is drawn"),
     }
-    Ok(())
+}
+
+/// Three rows of the rotation to the map, each with one of the map's width, height and first texel; texels behind everything.
+fn pack_map(environment: &Environment<f64>, at: usize, rows: &mut Vec<[f32; 4]>) {
+    let (width, height) = environment.map().size();
+    let turn = environment.map_from_world();
+    let numbers = [width, height, rows.len()].map(|number| f32::from_bits(number as u32));
+    for (axis, number) in numbers.into_iter().enumerate() {
+        rows[at + axis] = turn.row(axis).as_vec3().extend(number).to_array();
+    }
+    let scale = environment.scale();
+    let scaled = |texel: &[f32; 3]| texel.map(|radiance| (f64::from(radiance) * scale) as f32);
+    rows.extend(environment.map().texels().iter().map(scaled).map(|[r, g, b]| [r, g, b, 0.0]));
 }

@@ -82,6 +82,14 @@ impl Environment<f64> {
     pub fn map(&self) -> &EnvironmentMap {
         &self.map
     }
+    /// The rotation that brings the world to the map.
+    pub fn map_from_world(&self) -> DMat3 {
+        self.map_from_world
+    }
+    /// Factor of the map's radiance.
+    pub fn scale(&self) -> f64 {
+        self.scale
+    }
     pub fn transformed(&self, motion: &DAffine3) -> Self {
         Self::new(Arc::clone(&self.map), self.scale, motion.matrix3 * self.map_from_world.transpose())
     }
@@ -223,6 +231,10 @@ impl EnvironmentMap {
 
     pub fn size(&self) -> (usize, usize) {
         (self.width, self.height)
+    }
+    /// Linear radiance, rows from the top.
+    pub fn texels(&self) -> &[[f32; 3]] {
+        &self.texels
     }
     /// Hash of the file that the map was read from; empty for a map that was no file.
     pub fn content(&self) -> &str {

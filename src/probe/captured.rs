@@ -1,10 +1,10 @@
 use glam::DVec3;
 
-use super::{SampleRequest, Sampled, texels};
+use super::{CaptureTask, ProbeDevice, SampleRequest, Sampled, texels};
 use crate::math::{Rgb, StreamPurpose};
 use crate::scene::OrientedBox;
 use crate::sh::{ShVectors, coefficients};
-use crate::trace::{CapturePlace, Counters, Projected, Reflected, Seed, Transport};
+use crate::trace::{Capture, CapturePlace, Counters, Projected, Reflected, Seed, Transport};
 
 /// Samples from cube maps with `face` texels along an edge, derivatives from the depth and normal of what each texel sees.
 /// `numbers_of` are the places whose random numbers each request uses, in box coordinates. The random streams are the probes' own.
@@ -19,17 +19,46 @@ pub fn sample_captured(
     reflected: Reflected,
     seed: u64,
 ) -> (Sampled<f64>, Counters) {
-    let gradient = requests.iter().any(|r| r.derivatives.contains(&true));
-    let places: Vec<CapturePlace> = requests
+    let texels: Vec<(DVec3, f64)> = texels(face).iter().map(|texel| (texel.direction, texel.solid_angle)).collect();
+    let seed = Seed { seed, purpose: StreamPurpose::Probe };
+    let places = places_of(bounds, requests, numbers_of);
+    sampled(bounds, requests, order, &transport.capture(&places, &texels, order, asks(requests), reflected, seed))
+}
+
+/// The same from cube maps that a device takes.
+pub fn sample_captured_on(
+    device: &dyn ProbeDevice,
+    bounds: &OrientedBox,
+    requests: &[SampleRequest],
+    numbers_of: &[[f64; 3]],
+    order: usize,
+    face: u32,
+    paths: u32,
+) -> Result<(Sampled<f64>, Counters), String> {
+    let task = CaptureTask { face, paths, order, gradient: asks(requests) };
+    Ok(sampled(bounds, requests, order, &device.capture(&places_of(bounds, requests, numbers_of), task)?))
+}
+
+fn asks(requests: &[SampleRequest]) -> bool {
+    requests.iter().any(|request| request.derivatives.contains(&true))
+}
+
+fn places_of(bounds: &OrientedBox, requests: &[SampleRequest], numbers_of: &[[f64; 3]]) -> Vec<CapturePlace> {
+    requests
         .iter()
         .zip(numbers_of)
         .map(|(request, own)| CapturePlace { position: bounds.world(request.position), numbers_of: bounds.world(*own) })
-        .collect();
-    let texels: Vec<(DVec3, f64)> = texels(face).iter().map(|texel| (texel.direction, texel.solid_angle)).collect();
-    let seed = Seed { seed, purpose: StreamPurpose::Probe };
-    let captures = transport.capture(&places, &texels, order, gradient, reflected, seed);
+        .collect()
+}
+
+fn sampled(
+    bounds: &OrientedBox,
+    requests: &[SampleRequest],
+    order: usize,
+    captures: &[Capture],
+) -> (Sampled<f64>, Counters) {
     let mut vectors = ShVectors { order, data: Vec::new() };
-    for (request, capture) in requests.iter().zip(&captures) {
+    for (request, capture) in requests.iter().zip(captures) {
         push_projected(&mut vectors, &capture.projected, request, bounds);
     }
     let sampled = Sampled {

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::trace::Tracer;
+use crate::trace::{DepthSums, Depths, Tracer};
 
 /// A texel of a cube map.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,30 +46,17 @@ pub fn texels(face: usize) -> Vec<Texel> {
     texels
 }
 
-/// What the depths around a place say of its surroundings, metres. Infinite where nothing is seen.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Depths {
-    /// 4 pi over the integral of 1/depth.
-    pub harmonic_mean: f64,
-    pub minimum: f64,
-    /// Share of the directions that see the back of a surface.
-    pub behind: f64,
-}
-
 /// Depths seen from a place through the texels of a cube map; `seen` gets every place that a texel sees.
 pub fn depths(tracer: &Tracer, place: DVec3, texels: &[Texel], mut seen: impl FnMut(DVec3)) -> Depths {
-    let (mut total, mut inverse, mut behind) = (0.0, 0.0, 0.0);
-    let mut minimum = f64::INFINITY;
+    let mut sums = DepthSums::default();
     for texel in texels {
-        total += texel.solid_angle;
-        if let Some(sight) = tracer.look(place, texel.direction) {
-            inverse += texel.solid_angle / sight.distance;
-            minimum = minimum.min(sight.distance);
-            behind += if sight.front { 0.0 } else { texel.solid_angle };
+        let sight = tracer.look(place, texel.direction);
+        sums.add(texel.solid_angle, sight.map(|sight| (sight.distance, sight.front)));
+        if let Some(sight) = sight {
             seen(place + texel.direction * sight.distance);
         }
     }
-    Depths { harmonic_mean: total / inverse, minimum, behind: behind / total }
+    sums.depths()
 }
 
 #[cfg(test)]

@@ -3,13 +3,16 @@
 mod analytic;
 mod captured;
 mod cube;
+mod device;
 mod gradient_source;
 mod prober;
 mod traced;
 
+pub use crate::trace::Depths;
 pub use analytic::sample_lights;
-pub use captured::sample_captured;
-pub use cube::{Depths, FACES, Texel, depths, texels};
+pub use captured::{sample_captured, sample_captured_on};
+pub use cube::{FACES, Texel, depths, texels};
+pub use device::{CaptureTask, ProbeDevice};
 pub use gradient_source::GradientSource;
 pub use prober::{Prober, Probes};
 pub use traced::sample_traced;

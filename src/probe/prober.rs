@@ -1,6 +1,9 @@
 use glam::DVec3;
 
-use super::{GradientSource, SampleRequest, Sampled, sample_captured, sample_lights, sample_traced};
+use super::{
+    GradientSource, ProbeDevice, SampleRequest, Sampled, sample_captured, sample_captured_on, sample_lights,
+    sample_traced,
+};
 use crate::light::Light;
 use crate::math::Rgb;
 use crate::scene::OrientedBox;
@@ -14,11 +17,19 @@ pub enum Probes {
     Analytic,
     /// Rays through the static environment, taken ahead of time.
     Traced { effort: Effort, seed: u64 },
-    /// Cube maps of the scene around the sample, `face` texels along an edge, `paths` paths a texel for what surfaces reflect.
-    Captured { face: u32, paths: u32, seed: u64 },
+    /// Cube maps of the scene around the sample, `face` texels along an edge, `paths` paths a texel for what surfaces reflect;
+    /// rasterised by the prober's device where `on_gpu` says so.
+    Captured { face: u32, paths: u32, seed: u64, on_gpu: bool },
     /// Cube maps of a scene that the volume of the iteration before lights (Nijasure et al. 2005); iteration 0 sees lights and emissive
     /// surfaces alone. A rig has no iteration before: it stays there.
     Relit { face: u32, iterations: u32, seed: u64 },
+}
+
+impl Probes {
+    /// Whether a device takes the samples.
+    pub fn on_gpu(&self) -> bool {
+        matches!(self, Probes::Captured { on_gpu: true, .. })
+    }
 }
 
 /// Takes probe samples in a box.
@@ -30,6 +41,8 @@ pub struct Prober<'a> {
     pub lights: &'a [Light<f64>],
     /// The static environment under these lights.
     pub transport: Option<&'a Transport<'a>>,
+    /// Takes the samples of [`Probes::on_gpu`], in that environment under those lights.
+    pub device: Option<&'a dyn ProbeDevice>,
     pub probes: Probes,
     pub gradients: GradientSource,
     pub window: Window,
@@ -37,18 +50,30 @@ pub struct Prober<'a> {
 
 impl Prober<'_> {
     /// The samples that are asked for. Without a static environment every source is analytic: nothing blocks.
-    pub fn take(&self, requests: &[SampleRequest]) -> (Sampled<f64>, Counters) {
+    pub fn take(&self, requests: &[SampleRequest]) -> Result<(Sampled<f64>, Counters), String> {
         match (self.probes, self.transport) {
             (Probes::Traced { effort, seed }, Some(transport)) => match self.gradients {
-                GradientSource::Analytic => sample_traced(transport, &self.bounds, requests, self.order, seed, effort),
+                GradientSource::Analytic => {
+                    Ok(sample_traced(transport, &self.bounds, requests, self.order, seed, effort))
+                }
                 GradientSource::Central { step } => differences(requests, step, |places, _| {
-                    sample_traced(transport, &self.bounds, places, self.order, seed, effort)
+                    Ok(sample_traced(transport, &self.bounds, places, self.order, seed, effort))
                 }),
             },
-            (Probes::Captured { face, paths, seed }, Some(transport)) => {
-                let take = |places: &[SampleRequest], numbers_of: &[[f64; 3]]| {
-                    let paths = Reflected::Paths(paths);
-                    sample_captured(transport, &self.bounds, places, numbers_of, self.order, face as usize, paths, seed)
+            (Probes::Captured { face, paths, seed, on_gpu }, Some(transport)) => {
+                let device = match on_gpu {
+                    true => Some(self.device.ok_or("the captures want a GPU and none was opened")?),
+                    false => None,
+                };
+                let take = |places: &[SampleRequest], numbers_of: &[[f64; 3]]| match device {
+                    Some(device) => {
+                        sample_captured_on(device, &self.bounds, places, numbers_of, self.order, face, paths)
+                    }
+                    None => {
+                        let (face, paths) = (face as usize, Reflected::Paths(paths));
+                        let bounds = &self.bounds;
+                        Ok(sample_captured(transport, bounds, places, numbers_of, self.order, face, paths, seed))
+                    }
                 };
                 match self.gradients {
                     GradientSource::Analytic => {
@@ -63,7 +88,7 @@ impl Prober<'_> {
                 let lights: Vec<Light<f64>> =
                     self.lights.iter().map(|light| light.relative_to(self.bounds.center)).collect();
                 let sampled = sample_lights(&lights, &self.bounds, requests, self.order, self.gradients, self.window);
-                (sampled, Counters::default())
+                Ok((sampled, Counters::default()))
             }
         }
     }
@@ -75,13 +100,13 @@ impl Prober<'_> {
         &self,
         requests: &[SampleRequest],
         irradiance: &(dyn Fn(DVec3, DVec3) -> Rgb<f64> + Sync),
-    ) -> (Sampled<f64>, Counters) {
+    ) -> Result<(Sampled<f64>, Counters), String> {
         let (Probes::Relit { face, seed, .. }, Some(transport)) = (self.probes, self.transport) else {
             return self.take(requests);
         };
         let own: Vec<[f64; 3]> = requests.iter().map(|request| request.position).collect();
         let from = Reflected::From(irradiance);
-        sample_captured(transport, &self.bounds, requests, &own, self.order, face as usize, from, seed)
+        Ok(sample_captured(transport, &self.bounds, requests, &own, self.order, face as usize, from, seed))
     }
 }
 
@@ -90,8 +115,8 @@ impl Prober<'_> {
 fn differences(
     requests: &[SampleRequest],
     step: f64,
-    take: impl Fn(&[SampleRequest], &[[f64; 3]]) -> (Sampled<f64>, Counters),
-) -> (Sampled<f64>, Counters) {
+    take: impl Fn(&[SampleRequest], &[[f64; 3]]) -> Result<(Sampled<f64>, Counters), String>,
+) -> Result<(Sampled<f64>, Counters), String> {
     let mut places = Vec::new();
     let mut numbers_of = Vec::new();
     for request in requests {
@@ -108,7 +133,7 @@ fn differences(
             }
         }
     }
-    let (sampled, counters) = take(&places, &numbers_of);
+    let (sampled, counters) = take(&places, &numbers_of)?;
     let mut vectors = ShVectors { order: sampled.vectors.order, data: Vec::new() };
     let mut at = 0;
     for request in requests {
@@ -120,5 +145,5 @@ fn differences(
             at += 2;
         }
     }
-    (Sampled { vectors, ..sampled }, counters)
+    Ok((Sampled { vectors, ..sampled }, counters))
 }

@@ -5,10 +5,10 @@ use std::sync::{Arc, Mutex};
 use serde_json::json;
 
 use super::{BakeLog, Store, StoreError};
-use crate::candidate::{Probes, Recipe};
+use crate::candidate::{GpuBench, Probes, Recipe, probe_device};
 use crate::experiment::{ALGORITHMS, Candidate, Key};
 use crate::light::Light;
-use crate::probe::Prober;
+use crate::probe::{ProbeDevice, Prober};
 use crate::trace::Transport;
 use crate::volume::{BakedVolume, Journal, NoJournal, bake_with};
 
@@ -47,6 +47,7 @@ impl Bakery {
         candidate: &Candidate,
         lights: &[Light<f64>],
         transport: Option<&Transport>,
+        gpu: Option<&GpuBench>,
     ) -> Result<Recipe, String> {
         let Some(volume) = candidate.volume() else { return Ok(recipe) };
         let key = Key::of(&json!({
@@ -67,11 +68,13 @@ impl Bakery {
             Some(known) => known,
             None => {
                 let made = volume.bounds.resolve(&candidate.scene).and_then(|bounds| {
+                    let device = probe_device(recipe.probes, transport, gpu).map_err(|error| error.to_string())?;
                     let prober = Prober {
                         bounds,
                         order: recipe.order,
                         lights,
                         transport,
+                        device: device.as_ref().map(|device| device as &dyn ProbeDevice),
                         probes: recipe.probes,
                         gradients: recipe.gradients,
                         window: recipe.window,

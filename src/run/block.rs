@@ -485,6 +485,12 @@ impl Film {
             ("bake_s".to_owned(), counts.seconds),
             ("bake_rays".to_owned(), (counts.rays.rays() + counts.depth_rays) as f64),
         ]);
+        if counts.rays.texels > 0 {
+            found.insert("bake_texels".to_owned(), counts.rays.texels as f64);
+        }
+        if counts.rays.draws > 0 {
+            found.insert("bake_draws".to_owned(), counts.rays.draws as f64);
+        }
         if let Some(jump) = baked.face_jump() {
             found.insert("face_jump".to_owned(), jump.all);
             found.insert("level_jump".to_owned(), jump.between_levels);

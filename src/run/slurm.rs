@@ -15,7 +15,7 @@ use super::results::shell_word;
 use super::sweep::{Ending, Run, Step, SweepError, Tell, Workshop, reference_is, run_of};
 use super::worker::Order;
 use super::{ArrayCache, Store, StoreError, interrupt, write_atomic};
-use crate::experiment::{Backend, Candidate, Experiment, Key, LimitSettings, Override, ProbeSource, SlurmSettings};
+use crate::experiment::{Candidate, Experiment, Key, LimitSettings, Override, ProbeSource, SlurmSettings};
 use crate::input::InputError;
 
 /// How a sweep is handed over.
@@ -286,7 +286,7 @@ impl SlurmOptions {
                 command.arg(format!("--{option}={value}"));
             }
         }
-        let on_gpu = members.iter().any(|index| runs[*index].candidate.backend == Backend::Gpu);
+        let on_gpu = members.iter().any(|index| runs[*index].candidate.wants_gpu());
         if let (Some(gres), true) = (&settings.gres, on_gpu) {
             command.arg(format!("--gres={gres}"));
         }
@@ -385,8 +385,7 @@ fn keys(runs: &[Run], members: &[usize]) -> Vec<Key> {
 
 /// The CPU's and the GPU's: their tasks ask for other resources.
 fn by_backend(runs: &[Run], members: &[usize]) -> Vec<Vec<usize>> {
-    let (cpu, gpu): (Vec<usize>, Vec<usize>) =
-        members.iter().partition(|index| runs[**index].candidate.backend == Backend::Cpu);
+    let (cpu, gpu): (Vec<usize>, Vec<usize>) = members.iter().partition(|index| !runs[**index].candidate.wants_gpu());
     [cpu, gpu].into_iter().filter(|members| !members.is_empty()).collect()
 }
 

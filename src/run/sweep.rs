@@ -193,8 +193,8 @@ pub fn recipe_of(candidate: &Candidate, seed: u64) -> Recipe {
             Some(ProbeSource::Traced { spp }) => {
                 Probes::Traced { effort: spp.map_or(Effort::ACCURATE, |s| Effort::Samples(u64::from(s))), seed }
             }
-            Some(ProbeSource::Captured { face }) => {
-                Probes::Captured { face: face.unwrap_or(FACE), paths: CAPTURE_PATHS, seed }
+            Some(ProbeSource::Captured { face, on }) => {
+                Probes::Captured { face: face.unwrap_or(FACE), paths: CAPTURE_PATHS, seed, on_gpu: on == Backend::Gpu }
             }
             Some(ProbeSource::Relit { face, iterations }) => {
                 Probes::Relit { face: face.unwrap_or(FACE), iterations, seed }
@@ -327,7 +327,7 @@ pub fn sweep(
 
 /// The GPU, where a run wants one: opened, or why not.
 fn open_gpu(runs: &[Run], options: &SweepOptions) -> Result<Option<Result<GpuBench, String>>, SweepError> {
-    if !runs.iter().any(|run| run.candidate.backend == Backend::Gpu) {
+    if !runs.iter().any(|run| run.candidate.wants_gpu()) {
         return Ok(None);
     }
     match Gpu::open(AdapterKind::Any) {
@@ -434,7 +434,7 @@ pub(super) fn render(
     tell: Tell,
 ) -> Result<Vec<(usize, Ending)>, StoreError> {
     let (skipped, todo): (Vec<usize>, Vec<usize>) =
-        block.iter().partition(|i| runs[**i].candidate.backend == Backend::Gpu && work.no_gpu.is_some());
+        block.iter().partition(|i| runs[**i].candidate.wants_gpu() && work.no_gpu.is_some());
     let mut endings: Vec<(usize, Ending)> = Vec::with_capacity(block.len());
     for index in skipped {
         let why = work.no_gpu.clone().expect("partitioned by it");
@@ -451,8 +451,7 @@ pub(super) fn render(
     let stage = Stage::new(work.experiment, &runs[todo[0]].candidate);
     let film = film_of(work, &stage, runs, &todo);
     // the CPU's candidates beside one another, the GPU's one after the other
-    let (on_gpu, on_cpu): (Vec<usize>, Vec<usize>) =
-        todo.into_iter().partition(|i| runs[*i].candidate.backend == Backend::Gpu);
+    let (on_gpu, on_cpu): (Vec<usize>, Vec<usize>) = todo.into_iter().partition(|i| runs[*i].candidate.wants_gpu());
     // volumes first, one after the other: each bake takes all threads
     let recipes: HashMap<usize, Result<Recipe, String>> = on_cpu
         .iter()
@@ -461,7 +460,7 @@ pub(super) fn render(
             if runs[*index].candidate.rig().is_none() && runs[*index].candidate.order.is_some() {
                 tell(*index, Step::Begins);
             }
-            (*index, stage.recipe(work.experiment, &runs[*index].candidate, &film, work.bakery))
+            (*index, stage.recipe(work.experiment, &runs[*index].candidate, &film, work.bakery, work.bench))
         })
         .collect();
     let judge = |index: usize| -> Result<(usize, Ending), StoreError> {
@@ -531,10 +530,11 @@ impl Stage {
         candidate: &Candidate,
         film: &Film,
         bakery: &Bakery,
+        gpu: Option<&GpuBench>,
     ) -> Result<Recipe, String> {
         let lights = &film.frames[candidate.freeze_frame().unwrap_or(0)].lights;
         let transport = self.is_sampled().then(|| self.transport(lights));
-        bakery.stock(recipe_of(candidate, experiment.seed), candidate, lights, transport.as_ref())
+        bakery.stock(recipe_of(candidate, experiment.seed), candidate, lights, transport.as_ref(), gpu)
     }
 
     fn transport<'a>(&'a self, lights: &[crate::light::Light<f64>]) -> Transport<'a> {
@@ -868,7 +868,7 @@ pub(super) fn time(
     let film = stage.film(experiment, first, Vec::new(), None, Wanted::default(), work.cache);
     let frame = &film.frames[first.freeze_frame().unwrap_or(picture_frame(experiment, film.frames.len()))];
     let transport = stage.is_sampled().then(|| stage.transport(&frame.lights));
-    let recipe = |i: &usize| stage.recipe(experiment, &runs[*i].candidate, &film, work.bakery);
+    let recipe = |i: &usize| stage.recipe(experiment, &runs[*i].candidate, &film, work.bakery, work.bench);
     let stocked: Vec<Result<Recipe, String>> = block.iter().map(recipe).collect();
     let mut failures: Vec<(usize, String)> = block
         .iter()
@@ -1001,7 +1001,7 @@ pub(super) fn picture(work: &Workshop, runs: &[Run], block: &[usize]) -> Result<
     let transports = stage.transports(&film);
     let recipes: HashMap<usize, Result<Recipe, String>> = block
         .iter()
-        .map(|index| (*index, stage.recipe(experiment, &runs[*index].candidate, &film, work.bakery)))
+        .map(|index| (*index, stage.recipe(experiment, &runs[*index].candidate, &film, work.bakery, work.bench)))
         .collect();
     let one = |index: usize| -> Result<Option<f64>, String> {
         let run = &runs[index];

@@ -14,7 +14,7 @@ use super::bakery::Bakery;
 use super::sweep::{self, Ending, Run, Step, Workshop, run_of};
 use super::{ArrayCache, Store, StoreError, interrupt};
 use crate::candidate::GpuBench;
-use crate::experiment::{Backend, Experiment, Key};
+use crate::experiment::{Experiment, Key};
 use crate::gpu::{AdapterKind, Gpu};
 
 /// What a worker is told to do with runs of one scene x lights.
@@ -100,7 +100,7 @@ pub fn serve(experiment: &Experiment, store: &Store, force: bool) {
             say(&Report::Broken("the experiment or its scenes changed while it ran".to_owned()));
             continue;
         };
-        if gpu.is_none() && runs.iter().any(|run| run.candidate.backend == Backend::Gpu) {
+        if gpu.is_none() && runs.iter().any(|run| run.candidate.wants_gpu()) {
             gpu = Some(Gpu::open(AdapterKind::Any).map(GpuBench::new).map_err(|why| why.to_string()));
         }
         let opened = gpu.as_ref();

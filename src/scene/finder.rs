@@ -39,6 +39,15 @@ impl SurfaceFinder {
         ((place - self.low) / self.edge).to_array().map(|x| x.floor() as i64)
     }
 
+    /// Triangles of the mesh.
+    pub fn len(&self) -> usize {
+        self.triangles.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.triangles.is_empty()
+    }
+
     /// Vertices of a triangle.
     pub fn triangle(&self, index: usize) -> [u32; 3] {
         self.triangles[index]

@@ -31,8 +31,61 @@ pub enum Reflected<'r> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Capture {
     pub projected: Projected,
+    /// Of the surfaces that its texels see.
+    pub depths: Depths,
     pub singular: u32,
     pub counters: Counters,
+}
+
+/// What the depths around a place say of its surroundings, metres. Infinite where nothing is seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Depths {
+    /// 4 pi over the integral of 1/depth.
+    pub harmonic_mean: f64,
+    pub minimum: f64,
+    /// Share of the directions that see the back of a surface.
+    pub behind: f64,
+}
+
+/// Sums over directions for [`Depths`].
+#[derive(Clone, Copy, Debug)]
+pub struct DepthSums {
+    /// Of solid angles, of solid angles over depths, of solid angles that see the back of a surface.
+    pub total: f64,
+    pub inverse: f64,
+    pub behind: f64,
+    pub minimum: f64,
+}
+
+impl Default for DepthSums {
+    fn default() -> Self {
+        Self { total: 0.0, inverse: 0.0, behind: 0.0, minimum: f64::INFINITY }
+    }
+}
+
+impl DepthSums {
+    /// A direction with its solid angle, and what it sees: the distance, and whether its front.
+    pub fn add(&mut self, solid_angle: f64, seen: Option<(f64, bool)>) {
+        self.total += solid_angle;
+        if let Some((distance, front)) = seen {
+            self.inverse += solid_angle / distance;
+            self.minimum = self.minimum.min(distance);
+            self.behind += if front { 0.0 } else { solid_angle };
+        }
+    }
+
+    pub fn depths(&self) -> Depths {
+        Depths { harmonic_mean: self.total / self.inverse, minimum: self.minimum, behind: self.behind / self.total }
+    }
+}
+
+/// A surface that a texel sees.
+#[derive(Clone, Copy)]
+struct Seen {
+    distance: f64,
+    /// Towards the place.
+    normal: DVec3,
+    front: bool,
 }
 
 /// Where a direction meets a light's surface: distance and the normal on the side that is seen.
@@ -75,9 +128,9 @@ impl Transport<'_> {
                 .par_iter()
                 .map(|place| {
                     let key = Stream::at(seed.seed, seed.purpose, &place.numbers_of.to_array()).next_u64();
-                    let (sum, counters) = self.capture_at(place.position, texels, &gather, reflected, key);
+                    let (sum, depths, counters) = self.capture_at(place.position, texels, &gather, reflected, key);
                     let singular = self.singular_terms(place.position);
-                    Capture { projected: Projected::from_numbers(&sum, C), singular, counters }
+                    Capture { projected: Projected::from_numbers(&sum, C), depths, singular, counters }
                 })
                 .collect()
         })
@@ -90,8 +143,9 @@ impl Transport<'_> {
         gather: &ProjectionGather<C>,
         reflected: Reflected,
         key: u64,
-    ) -> (Vec<f64>, Counters) {
-        let mut counters = Counters::default();
+    ) -> (Vec<f64>, Depths, Counters) {
+        let mut counters = Counters { texels: texels.len() as u64, ..Counters::default() };
+        let mut depths = DepthSums::default();
         let mut sum = vec![0.0; gather.width()];
         let mut add = |arrival: Arrival, counters: &mut Counters| {
             if arrival.weight.max_abs() > 0.0 {
@@ -100,13 +154,14 @@ impl Transport<'_> {
         };
         for (index, (direction, solid_angle)) in texels.iter().enumerate() {
             let (radiance, seen) = self.seen(place, *direction, reflected, derive(key, index as u64), &mut counters);
+            depths.add(*solid_angle, seen.map(|seen| (seen.distance, seen.front)));
             let origin = match seen {
-                Some((distance, normal)) => Origin::Surface { distance, normal, drawn: false },
+                Some(Seen { distance, normal, .. }) => Origin::Surface { distance, normal, drawn: false },
                 None => Origin::Distant,
             };
             add(Arrival { direction: *direction, weight: radiance * *solid_angle, origin }, &mut counters);
             // lights of the layout block nothing: all that stand before the surface add up
-            let within = seen.map_or(f64::INFINITY, |(distance, _)| distance);
+            let within = seen.map_or(f64::INFINITY, |seen| seen.distance);
             for light in self.lights() {
                 let radiance = light.radiance(Vector3::of(place), Vector3::of(*direction));
                 if radiance.max_abs() <= 0.0 {
@@ -146,10 +201,10 @@ impl Transport<'_> {
                 add(arrival, &mut counters);
             }
         }
-        (sum, counters)
+        (sum, depths.depths(), counters)
     }
 
-    /// Radiance that surfaces and surroundings send to `place` against `direction`, with the distance and the normal of what is seen.
+    /// Radiance that surfaces and surroundings send to `place` against `direction`, with what is seen.
     fn seen(
         &self,
         place: DVec3,
@@ -157,9 +212,9 @@ impl Transport<'_> {
         reflected: Reflected,
         key: u64,
         observer: &mut impl Observer,
-    ) -> (Rgb<f64>, Option<(f64, DVec3)>) {
+    ) -> (Rgb<f64>, Option<Seen>) {
         let Some(vertex) = self.meet(place, direction, observer) else { return (self.surroundings(), None) };
-        let seen = Some((vertex.distance, vertex.normal));
+        let seen = Some(Seen { distance: vertex.distance, normal: vertex.normal, front: vertex.front });
         if self.effects().bounces.is_none() {
             // surfaces block and send nothing; where not even that, what is behind them is seen
             return match self.effects().shadows {

@@ -19,6 +19,12 @@ pub struct Counters {
     /// Gradient terms whose 1/cos at a silhouette was clamped, and all such terms.
     pub clamped_gradients: u64,
     pub gradient_terms: u64,
+    /// Texels of captures.
+    #[serde(default)]
+    pub texels: u64,
+    /// Faces of captures that were rasterised: the geometry was drawn once for each.
+    #[serde(default)]
+    pub draws: u64,
 }
 
 /// A ray that was cast.
@@ -75,6 +81,8 @@ impl AddAssign for Counters {
         self.wrap_evaluations += other.wrap_evaluations;
         self.clamped_gradients += other.clamped_gradients;
         self.gradient_terms += other.gradient_terms;
+        self.texels += other.texels;
+        self.draws += other.draws;
     }
 }
 

@@ -55,7 +55,8 @@ pub struct Projected {
 }
 
 impl Projected {
-    pub(super) fn from_numbers(numbers: &[f64], coefficients: usize) -> Self {
+    /// From its blocks one after the other, value first, channel by channel.
+    pub fn from_numbers(numbers: &[f64], coefficients: usize) -> Self {
         let block = |b: usize| {
             let block = &numbers[b * 3 * coefficients..(b + 1) * 3 * coefficients];
             block.chunks_exact(3).map(|c| Rgb::new(c[0], c[1], c[2])).collect::<Vec<_>>()

@@ -16,7 +16,7 @@ mod sampler;
 mod transport;
 mod visibility;
 
-pub use capture::{Capture, CapturePlace, Reflected};
+pub use capture::{Capture, CapturePlace, DepthSums, Depths, Reflected};
 pub use counters::{CastRay, Counters};
 pub use effects::{Bounces, Effects, EffectsChoice, SceneFacts};
 pub use estimate::{Effort, Estimate, Projected, Seed};

@@ -23,8 +23,7 @@ const JUMP: f64 = 1e-4;
 /// The static environment, ready for rays.
 #[derive(Debug)]
 pub struct Tracer {
-    materials: Vec<TracedMaterial>,
-    triangles: Vec<[DVec3; 3]>,
+    geometry: TracedGeometry,
     /// In the order of the visibility.
     surfaces: Vec<Surface>,
     visibility: Visibility,
@@ -57,8 +56,7 @@ impl Tracer {
             }
         };
         Self {
-            materials: geometry.materials.clone(),
-            triangles: geometry.triangles.clone(),
+            geometry: geometry.clone(),
             surfaces: visibility.order().iter().map(surface).collect(),
             visibility,
             emitters,
@@ -86,7 +84,12 @@ impl Tracer {
 
     /// The static geometry.
     pub fn triangles(&self) -> &[[DVec3; 3]] {
-        &self.triangles
+        &self.geometry.triangles
+    }
+
+    /// The static geometry with its materials, in the order in which it was given.
+    pub fn geometry(&self) -> &TracedGeometry {
+        &self.geometry
     }
 
     /// What is seen from a place along a unit direction.
@@ -118,7 +121,7 @@ pub(super) struct Vertex {
     /// Towards where the ray came from.
     pub normal: DVec3,
     /// Whether the ray came from the front.
-    front: bool,
+    pub front: bool,
     emitter_density: f64,
     pub material: TracedMaterial,
 }
@@ -177,11 +180,12 @@ impl<'a> Transport<'a> {
     }
 
     /// The layout's lights but for constant ones.
-    pub(super) fn lights(&self) -> &[Light<f64>] {
+    pub fn lights(&self) -> &[Light<f64>] {
         &self.lights
     }
 
-    pub(super) fn surroundings(&self) -> Rgb<f64> {
+    /// Radiance of the constant lights.
+    pub fn surroundings(&self) -> Rgb<f64> {
         self.surroundings
     }
 
@@ -386,7 +390,7 @@ impl<'a> Transport<'a> {
             normal: if front { surface.normal } else { -surface.normal },
             front,
             emitter_density: surface.emitter_density,
-            material: self.tracer.materials[surface.material as usize],
+            material: self.tracer.geometry.materials[surface.material as usize],
         })
     }
 

@@ -15,7 +15,7 @@ use super::journal::{Journal, NoJournal, Stretch, asked, stretches};
 use super::model::{Across, CellModel, VolumeModel};
 use super::overlap::triangle_overlaps_box;
 use crate::math::{Real, Rgb, Vector3};
-use crate::probe::{Depths, Prober, Probes, SampleRequest, Sampled, Texel, depths, texels};
+use crate::probe::{Depths, ProbeDevice, Prober, Probes, SampleRequest, Sampled, depths, texels};
 use crate::rig::interpolation::Interpolation;
 use crate::rig::{AnyRig, AxisNames, Lattice, LocalPoints, Rig, RigModel, ShVectors};
 use crate::scene::OrientedBox;
@@ -39,6 +39,9 @@ pub enum BakeError {
     Budget { wanted: usize, level: u32, help: String },
     #[error("{0}")]
     Bounds(String),
+    /// The device that takes the samples gave none.
+    #[error("{0}")]
+    Device(String),
 }
 
 /// The cells of a volume.
@@ -132,7 +135,6 @@ struct Baker<'a> {
     resolution: Place,
     taken: HashMap<Place, Taken>,
     depths: HashMap<Place, (Depths, Vec<DVec3>)>,
-    depth_texels: Vec<Texel>,
     bands: Vec<f64>,
     counts: BakeCounts,
     /// Mean over the samples of the least level of the RMS over normals.
@@ -186,7 +188,6 @@ fn bake_laid_out(
         resolution: [0; 3],
         taken: HashMap::new(),
         depths: HashMap::new(),
-        depth_texels: texels(DEPTH_FACE),
         bands: Lobe::<f64>::lambert().bands().to_vec(),
         counts: BakeCounts::default(),
         mean: 0.0,
@@ -217,11 +218,11 @@ fn bake_laid_out(
     };
     if let Probes::Relit { iterations, .. } = prober.probes {
         for _ in 0..iterations {
-            baker.relight(&mut baked);
+            baker.relight(&mut baked)?;
         }
     }
     if let Some(tracer) = baker.tracer {
-        baked.find_inside(tracer);
+        baked.find_inside(tracer, depth_device(prober), &mut baker.counts)?;
         if volume.repair {
             baked.repair();
         }
@@ -235,7 +236,7 @@ fn bake_laid_out(
         rays: baker.counts.rays,
         recalled: baker.counts.recalled,
         traced_now: baker.counts.traced_now,
-        depth_rays: baker.counts.depth_rays + kept.depth_rays,
+        depth_rays: baker.counts.depth_rays,
         seconds: start.elapsed().as_secs_f64() + baker.earlier,
         ..kept
     };
@@ -261,15 +262,15 @@ impl Baker<'_> {
         let requests: Vec<SampleRequest> =
             positions.iter().map(|position| SampleRequest { position: *position, derivatives }).collect();
         let prober = self.prober;
-        Ok(self.take(&requests, &|asked| prober.take(asked)))
+        self.take(&requests, &|asked| prober.take(asked))
     }
 
     /// Takes samples stretch by stretch; what the journal holds is not taken again.
     fn take(
         &mut self,
         requests: &[SampleRequest],
-        take: &dyn Fn(&[SampleRequest]) -> (Sampled<f64>, Counters),
-    ) -> Vec<Taken> {
+        take: &dyn Fn(&[SampleRequest]) -> Result<(Sampled<f64>, Counters), String>,
+    ) -> Result<Vec<Taken>, BakeError> {
         self.counts.taken += requests.len() as u64;
         let stride = 3 * coefficients(self.prober.order);
         let mut found: Vec<Option<Taken>> = vec![None; requests.len()];
@@ -285,7 +286,7 @@ impl Baker<'_> {
                 }
                 None => {
                     let start = Instant::now();
-                    let (sampled, rays) = take(&own);
+                    let (sampled, rays) = take(&own).map_err(BakeError::Device)?;
                     let stretch = Stretch {
                         numbers: sampled.vectors.data,
                         projections: sampled.projections,
@@ -308,7 +309,7 @@ impl Baker<'_> {
                 rest = after;
             }
         }
-        found.into_iter().map(|taken| taken.expect("stretches hold every sample")).collect()
+        Ok(found.into_iter().map(|taken| taken.expect("stretches hold every sample")).collect())
     }
 
     /// Takes what of these places was not taken yet.
@@ -340,7 +341,7 @@ impl Baker<'_> {
     }
 
     /// Takes every kept sample again in the scene as the volume lights it.
-    fn relight(&mut self, baked: &mut BakedVolume) {
+    fn relight(&mut self, baked: &mut BakedVolume) -> Result<(), BakeError> {
         let derivatives = [baked.slopes.is_some(); 3];
         let requests: Vec<SampleRequest> =
             baked.places.iter().map(|position| SampleRequest { position: *position, derivatives }).collect();
@@ -357,7 +358,7 @@ impl Baker<'_> {
         };
         self.iteration += 1;
         let prober = self.prober;
-        let taken = self.take(&requests, &|asked| prober.take_relit(asked, &irradiance));
+        let taken = self.take(&requests, &|asked| prober.take_relit(asked, &irradiance))?;
         let stride = baked.stride();
         for (index, taken) in taken.iter().enumerate() {
             baked.values.data[index * stride..(index + 1) * stride].copy_from_slice(&taken.value);
@@ -365,6 +366,7 @@ impl Baker<'_> {
                 slopes.data[3 * index * stride..3 * (index + 1) * stride].copy_from_slice(&taken.slopes);
             }
         }
+        Ok(())
     }
 
     fn finish<'t>(
@@ -492,7 +494,7 @@ impl Baker<'_> {
                     self.ensure(places, level)?;
                 }
                 Criterion::HarmonicMean { .. } | Criterion::ContainsGeometry { from: Evidence::Depth } => {
-                    self.look_around(extents.iter().map(|(low, size)| centre_of(*low, *size)).collect());
+                    self.look_around(extents.iter().map(|(low, size)| centre_of(*low, *size)).collect())?;
                 }
                 Criterion::ContainsGeometry { from: Evidence::Triangles } | Criterion::Prune { .. } => {}
             }
@@ -604,20 +606,42 @@ impl Baker<'_> {
     }
 
     /// Captures depths where none were captured yet.
-    fn look_around(&mut self, places: Vec<Place>) {
-        let Some(tracer) = self.tracer else { return };
+    fn look_around(&mut self, places: Vec<Place>) -> Result<(), BakeError> {
+        let Some(tracer) = self.tracer else { return Ok(()) };
         let missing: Vec<Place> = places.into_iter().filter(|place| !self.depths.contains_key(place)).collect();
-        self.counts.depth_rays += (missing.len() * self.depth_texels.len()) as u64;
-        let found: Vec<(Depths, Vec<DVec3>)> = missing
-            .par_iter()
-            .map(|place| {
-                let mut seen = Vec::new();
-                let found = depths(tracer, self.world(*place), &self.depth_texels, |world| seen.push(world));
-                (found, seen)
-            })
-            .collect();
+        let worlds: Vec<DVec3> = missing.iter().map(|place| self.world(*place)).collect();
+        let found = capture_depths(tracer, depth_device(self.prober), &worlds, DEPTH_FACE, &mut self.counts)?;
         self.depths.extend(missing.into_iter().zip(found));
+        Ok(())
     }
+}
+
+/// What captures depths: what captures the samples.
+fn depth_device<'a>(prober: &Prober<'a>) -> Option<&'a dyn ProbeDevice> {
+    prober.device.filter(|_| prober.probes.on_gpu())
+}
+
+/// Depths around world places, and what their texels see: by rays, or by a device's rasteriser.
+fn capture_depths(
+    tracer: &Tracer,
+    device: Option<&dyn ProbeDevice>,
+    places: &[DVec3],
+    face: usize,
+    counts: &mut BakeCounts,
+) -> Result<Vec<(Depths, Vec<DVec3>)>, BakeError> {
+    let texels = texels(face);
+    let seen = (places.len() * texels.len()) as u64;
+    if let Some(device) = device {
+        counts.rays += Counters { texels: seen, draws: 6 * places.len() as u64, ..Counters::default() };
+        return device.depths(places, face as u32).map_err(BakeError::Device);
+    }
+    counts.depth_rays += seen;
+    let look = |place: &DVec3| {
+        let mut met = Vec::new();
+        let found = depths(tracer, *place, &texels, |world| met.push(world));
+        (found, met)
+    };
+    Ok(places.par_iter().map(look).collect())
 }
 
 fn corners_of(forest: &Forest, node: u32) -> [Place; 8] {
@@ -631,15 +655,17 @@ fn centre_of(low: Place, size: u32) -> Place {
 
 impl BakedVolume {
     /// Marks the samples that see little but the backs of surfaces.
-    fn find_inside(&mut self, tracer: &Tracer) {
-        let texels = texels(INSIDE_FACE);
-        self.counts.depth_rays += (self.places.len() * texels.len()) as u64;
-        self.inside = self
-            .places
-            .par_iter()
-            .map(|place| depths(tracer, self.bounds.world(*place), &texels, |_| ()).behind >= INSIDE_SHARE)
-            .collect();
+    fn find_inside(
+        &mut self,
+        tracer: &Tracer,
+        device: Option<&dyn ProbeDevice>,
+        counts: &mut BakeCounts,
+    ) -> Result<(), BakeError> {
+        let worlds: Vec<DVec3> = self.places.iter().map(|place| self.bounds.world(*place)).collect();
+        let found = capture_depths(tracer, device, &worlds, INSIDE_FACE, counts)?;
+        self.inside = found.iter().map(|(depths, _)| depths.behind >= INSIDE_SHARE).collect();
         self.counts.inside = self.inside.iter().filter(|inside| **inside).count() as u64;
+        Ok(())
     }
 
     /// Dilation: a sample inside geometry becomes the mean of its neighbours outside, those reached first; derivatives become 0.

@@ -1,21 +1,6 @@
-// Octrees of cells, twin of model.rs and of Cells::locate. The tree stands behind the vectors in their buffer, as whole numbers in
-// floats: from VOLUME_NODES on the nodes, from VOLUME_CELLS on 16 numbers a cell (low corner, size, eight samples, table of hanging
+// Cells, twin of model.rs. What finds them stands behind the vectors in their buffer, as whole numbers in floats: from VOLUME_NODES
+// on what `volume_locate` reads (cells_forest.wgsl, cells_two_level.wgsl), from VOLUME_CELLS on 16 numbers a cell (low corner, size, eight samples, table of hanging
 // nodes plus one, nothing), from VOLUME_HANGING on 28 numbers a table (27 samples or -1, nothing).
-
-fn volume_number(i: u32) -> f32 {
-    return vectors[i / 4u][i % 4u];
-}
-
-fn volume_locate(at: vec3u) -> u32 {
-    let fine = at / 2u;
-    let root = fine >> vec3u(VOLUME_MAX_LEVEL);
-    var node = i32(volume_number(VOLUME_NODES + root.x + VOLUME_ROOTS.x * (root.y + VOLUME_ROOTS.y * root.z)));
-    for (var level = VOLUME_MAX_LEVEL; node >= 0 && level > 0u; level--) {
-        let side = (fine >> vec3u(level - 1u)) & vec3u(1u);
-        node = i32(volume_number(VOLUME_NODES + u32(node) + side.x + 2u * side.y + 4u * side.z));
-    }
-    return u32(-node - 1);
-}
 
 // Weights of the two ends of an edge from -half to half: values and, in metres, derivatives.
 struct VolumeNodes {
@@ -50,6 +35,30 @@ fn volume_transfer(node: u32, what: u32, end: u32, of_slope: u32, edge: f32) -> 
     return select(0.0, 0.5, of_slope == 1u);
 }
 
+// Weights (nearest distance / distance)^power over a cell's corners.
+fn volume_inverse_distance(cell: u32, t: vec3f, edge: vec3f) {
+    var weights: array<f32, 8>;
+    var nearest = 3.0e38;
+    for (var corner = 0u; corner < 8u; corner++) {
+        let end = vec3f(f32(corner & 1u), f32((corner >> 1u) & 1u), f32(corner >> 2u));
+        weights[corner] = length((t - end) * edge / max(max(edge.x, edge.y), edge.z));
+        nearest = min(nearest, weights[corner]);
+    }
+    var sum = 0.0;
+    for (var corner = 0u; corner < 8u; corner++) {
+        var weight = 1.0;
+        if weights[corner] != nearest {
+            weight = nearest / weights[corner];
+            if VOLUME_POWER != 1.0 { weight = pow(weight, VOLUME_POWER); }
+        }
+        weights[corner] = weight;
+        sum += weight;
+    }
+    for (var corner = 0u; corner < 8u; corner++) {
+        tap(u32(volume_number(cell + 4u + corner)), weights[corner] / sum);
+    }
+}
+
 fn rig_taps(q: vec3f) {
     let along = (clamp(q, -VOLUME_HALF, VOLUME_HALF) + VOLUME_HALF) * VOLUME_PER_UNIT;
     let at = min(vec3u(along), VOLUME_RESOLUTION - vec3u(1u));
@@ -57,6 +66,17 @@ fn rig_taps(q: vec3f) {
     let low = vec3f(volume_number(cell), volume_number(cell + 1u), volume_number(cell + 2u));
     let half = 0.5 * volume_number(cell + 3u) * VOLUME_UNIT;
     let local = q - (low * VOLUME_UNIT - VOLUME_HALF) - half;
+    if VOLUME_SCHEME > 0u {
+        let t = clamp((local + half) / (2.0 * half), vec3f(0.0), vec3f(1.0));
+        if VOLUME_SCHEME == 2u {
+            volume_inverse_distance(cell, t, 2.0 * half);
+            return;
+        }
+        // ties go to the lower corner
+        let upper = vec3u(t > vec3f(VOLUME_MIDDLE));
+        tap(u32(volume_number(cell + 4u + upper.x + 2u * upper.y + 4u * upper.z)), 1.0);
+        return;
+    }
     let table = i32(volume_number(cell + 12u)) - 1;
     if table < 0 {
         var nodes = array<VolumeNodes, 3>(

@@ -4,7 +4,7 @@ use super::bake::BakedVolume;
 use super::cells::{LEAF, Locator, NONE};
 use super::model::Across;
 use super::{Layout, Structure};
-use crate::rig::interpolation::Interpolation;
+use crate::rig::interpolation::{Interpolation, TIE_WIDTH};
 use crate::rig::wgsl_number;
 
 /// Whole numbers up to this are exact in f32.
@@ -20,23 +20,28 @@ pub struct CellShader {
 }
 
 impl BakedVolume {
-    /// The twin of an octree under an interpolation that is a tensor product; `vector_rows` are the rows before its own. None for
-    /// other structures and interpolations, and for trees whose numbers f32 does not hold.
+    /// The twin of an octree or of a two-level grid; `vector_rows` are the rows before its own. None for other structures, and for those
+    /// whose numbers f32 does not hold.
     pub fn cell_shader(&self, vector_rows: usize) -> Option<CellShader> {
         let Layout::Cells(cells) = &self.layout else { return None };
-        let Locator::Forest { roots, max_level, nodes } = &cells.locator else { return None };
-        let (share, hermite) = match self.volume.interpolation {
-            Interpolation::Trilinear(_) => (0.0, false),
-            Interpolation::GradientCorrected(_) => (1.0, false),
-            Interpolation::HalfGradient(_) => (0.5, false),
-            Interpolation::Tricubic(_) => (0.0, true),
-            Interpolation::Nearest(_) | Interpolation::InverseDistance(_) => return None,
+        let (share, hermite, scheme, power) = match self.volume.interpolation {
+            Interpolation::Trilinear(_) => (0.0, false, 0, 1.0),
+            Interpolation::GradientCorrected(_) => (1.0, false, 0, 1.0),
+            Interpolation::HalfGradient(_) => (0.5, false, 0, 1.0),
+            Interpolation::Tricubic(_) => (0.0, true, 0, 1.0),
+            Interpolation::Nearest(_) => (0.0, false, 1, 1.0),
+            Interpolation::InverseDistance(scheme) => (0.0, false, 2, scheme.power),
         };
         let blends = matches!(self.volume.structure, Structure::Octree { across: Across::Continuous, .. });
         let mut numbers: Vec<f32> = Vec::new();
-        numbers.extend(nodes.iter().map(|node| match node & LEAF {
-            0 => *node as f32,
-            _ => -((node & !LEAF) as f32) - 1.0,
+        let (is_cell, number): (Vec<bool>, Vec<u32>) = match &cells.locator {
+            Locator::Forest { nodes, .. } => nodes.iter().map(|node| (node & LEAF != 0, node & !LEAF)).unzip(),
+            Locator::TwoLevel { first, .. } => first.iter().map(|(cell, divided)| (!divided, *cell)).unzip(),
+        };
+        let entries = number.len();
+        numbers.extend(is_cell.into_iter().zip(number).map(|(is_cell, number)| match is_cell {
+            true => -(number as f32) - 1.0,
+            false => number as f32,
         }));
         numbers.resize(numbers.len().next_multiple_of(4), 0.0);
         let first_cell = numbers.len();
@@ -56,7 +61,7 @@ impl BakedVolume {
                 numbers.push(0.0);
             }
         }
-        if nodes.len().max(cells.places.len() * 4) >= MOST_EXACT {
+        if entries.max(cells.cells.len()).max(cells.places.len() * 4) >= MOST_EXACT {
             return None;
         }
         let before = 4 * vector_rows;
@@ -68,8 +73,6 @@ impl BakedVolume {
             ("VOLUME_NODES", format!("{before}u")),
             ("VOLUME_CELLS", format!("{}u", before + first_cell)),
             ("VOLUME_HANGING", format!("{}u", before + first_table)),
-            ("VOLUME_MAX_LEVEL", format!("{max_level}u")),
-            ("VOLUME_ROOTS", whole(*roots)),
             ("VOLUME_RESOLUTION", whole(cells.resolution)),
             ("VOLUME_HALF", vector(cells.half)),
             ("VOLUME_UNIT", vector(unit)),
@@ -77,9 +80,24 @@ impl BakedVolume {
             ("VOLUME_VECTORS", format!("{}u", if self.volume.interpolation.uses_derivatives() { 4 } else { 1 })),
             ("VOLUME_SHARE", wgsl_number(share)),
             ("VOLUME_HERMITE", hermite.to_string()),
+            ("VOLUME_SCHEME", format!("{scheme}u")),
+            ("VOLUME_POWER", wgsl_number(power)),
+            // two samples along an edge
+            ("VOLUME_MIDDLE", wgsl_number(0.5 + 2.0 * TIE_WIDTH * f64::from(f32::EPSILON))),
         ];
-        let constants: String = constants.iter().map(|(name, value)| format!("const {name} = {value};\n")).collect();
+        let (locator, text) = match &cells.locator {
+            Locator::Forest { roots, max_level, .. } => (
+                vec![("VOLUME_MAX_LEVEL", format!("{max_level}u")), ("VOLUME_ROOTS", whole(*roots))],
+                include_str!("cells_forest.wgsl"),
+            ),
+            Locator::TwoLevel { outer, inner, .. } => (
+                vec![("VOLUME_INNER", format!("{inner}u")), ("VOLUME_OUTER", whole(*outer))],
+                include_str!("cells_two_level.wgsl"),
+            ),
+        };
+        let constants: String =
+            constants.iter().chain(&locator).map(|(name, value)| format!("const {name} = {value};\n")).collect();
         let rows = numbers.chunks_exact(4).map(|row| [row[0], row[1], row[2], row[3]]).collect();
-        Some(CellShader { wgsl: format!("{constants}{}", include_str!("cells.wgsl")), rows })
+        Some(CellShader { wgsl: format!("{constants}{text}{}", include_str!("cells.wgsl")), rows })
     }
 }

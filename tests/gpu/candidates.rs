@@ -115,6 +115,7 @@ fn volumes_on_the_gpu_are_those_of_the_cpu() {
             order: 3,
             lights: &lights,
             transport: None,
+            device: None,
             probes: Probes::Analytic,
             gradients: GradientSource::Analytic,
             window: Window::None,

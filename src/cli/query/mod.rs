@@ -390,7 +390,7 @@ fn rig_values<T: Real>(
         .map(|k| {
             let seed = Stream::indexed(lighting.seed, StreamPurpose::Probe, k).next_u64();
             let mut stage = stage.clone();
-            stage.bake(&transport, Probes::Traced { effort, seed });
+            stage.bake(&transport, Probes::Traced { effort, seed }, None).expect("rays on the CPU need no device");
             read(&stage.fit())
         })
         .collect::<Result<Vec<Values>, Failure>>()?;

@@ -50,6 +50,7 @@ pub(super) fn values(
         order: usize::from(args.order),
         lights: lighting.lights,
         transport: lighting.is_sampled().then_some(&transport),
+        device: None,
         probes: Probes::Analytic,
         gradients: GradientSource::Analytic,
         window: Window::None,

@@ -2,7 +2,7 @@
 // Result, six rows: direction and weight of what arrives from a light of the layout, from a place drawn on emissive geometry, and along
 // a direction drawn over the sphere. The mean over paths of the sum of weight * Y(direction) is the probe's SH vector.
 //
-// The scene is one buffer (src/gpu/trace.rs packs it): a header of four rows, then nodes, triangles, emitters, lights.
+// The scene is one buffer (src/gpu/trace.rs packs it): a header of four rows, then nodes, triangles, emitters, lights, environment maps.
 
 @group(0) @binding(3) var<storage, read> scene: array<vec4f>;
 
@@ -13,6 +13,8 @@ const ROULETTE_FROM: u32 = 4u;
 const HIGHEST_SURVIVAL: f32 = 0.98;
 
 var<private> random_state: u32;
+// For the nearest surface, and for anything at all.
+var<private> rays_cast: vec2u;
 
 // PCG (O'Neill 2014), the permutation of one word.
 fn scramble(value: u32) -> u32 {
@@ -29,6 +31,21 @@ fn uniform_number() -> f32 {
 
 fn header(row: u32, column: u32) -> u32 {
     return bitcast<u32>(scene[row][column]);
+}
+
+// Radiance from infinitely far: constant, and that of lat-long maps, each texel even over its solid angle.
+fn surroundings(direction: vec3f) -> vec3f {
+    var sum = scene[2u].xyz;
+    for (var map = 0u; map < header(3u, 1u); map++) {
+        let at = header(3u, 0u) + 3u * map;
+        let d = vec3f(
+            dot(scene[at].xyz, direction), dot(scene[at + 1u].xyz, direction), dot(scene[at + 2u].xyz, direction));
+        let size = vec2u(bitcast<u32>(scene[at].w), bitcast<u32>(scene[at + 1u].w));
+        let place = vec2f(atan2(d.x, -d.z) / (2.0 * PI) + 0.5, atan2(length(d.xz), d.y) / PI);
+        let texel = min(vec2u(place * vec2f(size)), size - vec2u(1u));
+        sum += scene[bitcast<u32>(scene[at + 2u].w) + texel.y * size.x + texel.x].xyz;
+    }
+    return sum;
 }
 
 struct Hit {
@@ -69,6 +86,7 @@ fn meet_triangle(index: u32, origin: vec3f, direction: vec3f) -> f32 {
 fn meet(origin: vec3f, direction: vec3f, limit: f32, any: bool) -> Hit {
     var best = Hit(limit, 0xffffffffu);
     if header(0u, 1u) == 0u { return best; }
+    if any { rays_cast.y += 1u; } else { rays_cast.x += 1u; }
     // a direction along an axis still has an inverse
     let safe = select(direction, vec3f(1e-30), abs(direction) < vec3f(1e-30));
     let inverse = 1.0 / safe;
@@ -306,7 +324,6 @@ fn direct(s: Surface, start: vec3f) -> vec3f {
 // Radiance that a surface reflects diffusely, either side, up to the bounces asked for.
 fn reflected(first: Surface) -> vec3f {
     let most = header(1u, 2u);
-    let surroundings = scene[2u].xyz;
     var s = first;
     var sum = vec3f(0.0);
     var throughput = s.albedo;
@@ -326,7 +343,7 @@ fn reflected(first: Surface) -> vec3f {
         let direction = frame(s.normal) * vec3f(r * cos(turn), r * sin(turn), cosine);
         let hit = meet(start, direction, NO_HIT, false);
         if hit.triangle == 0xffffffffu {
-            sum += throughput * surroundings;
+            sum += throughput * surroundings(direction);
             break;
         }
         s = surface(hit, start, direction);
@@ -376,7 +393,7 @@ fn trace_probes(@builtin(global_invocation_id) id: vec3u) {
     let turn = 2.0 * PI * uniform_number();
     let r = sqrt(max(1.0 - z * z, 0.0));
     let direction = vec3f(r * cos(turn), r * sin(turn), z);
-    var radiance = scene[2u].xyz;
+    var radiance = surroundings(direction);
     if sends {
         let hit = meet(p, direction, NO_HIT, false);
         if hit.triangle != 0xffffffffu {

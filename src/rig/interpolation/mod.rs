@@ -11,7 +11,7 @@ mod trilinear;
 pub use gradient_corrected::{GradientCorrected, corrected_nodes};
 pub use half_gradient::HalfGradient;
 pub use inverse_distance::InverseDistance;
-pub use nearest::Nearest;
+pub use nearest::{Nearest, TIE_WIDTH};
 pub use tricubic::{Tricubic, hermite_nodes};
 pub use trilinear::{Trilinear, linear_nodes};
 
