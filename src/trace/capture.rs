@@ -187,16 +187,18 @@ impl Transport<'_> {
             let count = if self.is_single(Component::Light(index), place) { 1 } else { places };
             for k in 0..count {
                 let u = [(k as f64 + 0.5) / count as f64, 0.5];
-                let Some((mut arrival, distance)) = self.light_arrival(index, place, u, gather.gradient) else {
-                    continue;
-                };
+                let Some((mut arrival, distance)) = self.light_arrival(index, place, u, false) else { continue };
                 if self.effects().shadows && self.blocked(place, arrival.direction, distance, &mut counters) {
                     continue;
                 }
-                let share = 1.0 / count as f64;
-                arrival.weight = arrival.weight * share;
-                if let Origin::Drawn { weight_slopes, .. } = &mut arrival.origin {
-                    weight_slopes.iter_mut().for_each(|slope| *slope = *slope * share);
+                arrival.weight = arrival.weight * (1.0 / count as f64);
+                // the place on the light stays where it is when the probe moves, and what it sends goes with 1/distance^2
+                if gather.gradient && distance.is_finite() {
+                    let (w, weight) = (arrival.direction, arrival.weight);
+                    arrival.origin = Origin::Drawn {
+                        direction_slopes: DVec3::AXES.map(|axis| (w * axis.dot(w) - axis) / distance),
+                        weight_slopes: w.to_array().map(|along| weight * (2.0 * along / distance)),
+                    };
                 }
                 add(arrival, &mut counters);
             }
