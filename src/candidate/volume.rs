@@ -364,7 +364,7 @@ impl GpuVolume {
                 let vectors = baked.vectors().rounded::<f32>().convolved(bands);
                 let light = VertexLight::new(&baked, &vectors, mesh);
                 let rows = light.triangles();
-                let wgsl = vertex_taps(light.vectors.count() * coefficients(order));
+                let wgsl = vertex_taps(light.vectors.vectors().count() * coefficients(order));
                 let evaluator = Evaluator::new(&bench.gpu, &wgsl, order)?;
                 GpuRead::Vertices { evaluator, rows, light, mesh: mesh.clone(), samples: vectors }
             }
@@ -382,7 +382,7 @@ impl GpuVolume {
                 evaluator.prepare_behind(vectors, &shader.rows, &local, total)?
             }
             GpuRead::Vertices { evaluator, rows, light, .. } => {
-                evaluator.prepare_behind(&light.vectors, rows, &light.local(points), total)?
+                evaluator.prepare_behind(light.vectors.vectors(), rows, &light.local(points), total)?
             }
         })
     }
@@ -404,7 +404,7 @@ impl Lit for GpuVolume {
                 Evaluator::parameter_bytes(vectors) + 16 * shader.rows.len() as u64
             }
             GpuRead::Vertices { rows, light, .. } => {
-                Evaluator::parameter_bytes(&light.vectors) + 16 * rows.len() as u64
+                Evaluator::parameter_bytes(light.vectors.vectors()) + 16 * rows.len() as u64
             }
         };
         volume_counts(&self.baked, bytes)

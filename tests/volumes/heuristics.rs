@@ -96,7 +96,9 @@ impl<'a> Field<'a> {
         let prober = self.prober;
         self.known
             .entry(place)
-            .or_insert_with(|| prober.take(&[SampleRequest { position, derivatives: [true; 3] }]).0.vectors.data)
+            .or_insert_with(|| {
+                prober.take(&[SampleRequest { position, derivatives: [true; 3] }]).unwrap().0.vectors.data
+            })
             .clone()
     }
 
