@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::{Exit, Failure, print};
-use crate::experiment::{Experiment, Override};
-use crate::gate::{self, Baseline, Format, Options, Stored, Verdict};
+use crate::gate::{self, Baseline, Format, Law, Options, Stored, Verdict};
 use crate::run::write_atomic;
 
 /// Hold results against the experiment's thresholds and a baseline
@@ -38,20 +37,27 @@ pub struct Check {
 impl Check {
     pub fn run(self) -> Result<Exit, Failure> {
         let stored = Stored::read(&self.folder)?;
-        let file = self.experiment.as_ref().unwrap_or(&stored.experiment_file);
-        let changes: Vec<Override> =
-            stored.changes.iter().map(|text| text.parse()).collect::<Result<_, String>>().map_err(Failure::internal)?;
-        let experiment = Experiment::load_with(file, &changes)?;
-        let default = || experiment.root.join("results/baselines").join(format!("{}.json", experiment.name));
-        let path = self.baseline.clone().unwrap_or_else(default);
+        let file = self.experiment.as_ref().or(stored.experiment_file.as_ref());
+        let file = file.ok_or_else(|| {
+            Failure::usage(format!(
+                "{}: the results do not say of which file; give --experiment",
+                self.folder.display()
+            ))
+        })?;
+        let law = Law::read(file, &stored)?;
+        let path = self.baseline.clone().unwrap_or_else(|| law.baseline.clone());
         let mut baseline = Baseline::read(&path)?;
-        let options = Options { settings: experiment.check, strict: self.strict };
-        let hold =
-            |baseline: &Option<Baseline>| gate::check(&stored, &experiment.thresholds, baseline.as_ref(), options);
+        if let Some(other) = baseline.as_ref().filter(|baseline| baseline.experiment != law.name) {
+            let message =
+                format!("{} is the baseline of `{}`, not of `{}`", path.display(), other.experiment, law.name);
+            return Err(Failure::new(Exit::InvalidInput, message));
+        }
+        let options = Options { settings: law.settings, strict: self.strict };
+        let hold = |baseline: &Option<Baseline>| gate::check(&stored, law.thresholds(), baseline.as_ref(), options);
         let mut checks = hold(&baseline);
         if self.accept {
-            let mut accepted = baseline.take().unwrap_or_else(|| Baseline::empty(&experiment.name));
-            let before = gate::check(&stored, &experiment.thresholds, Some(&accepted), options);
+            let mut accepted = baseline.take().unwrap_or_else(|| Baseline::empty(&law.name));
+            let before = gate::check(&stored, law.thresholds(), Some(&accepted), options);
             let reason = self.reason.as_deref().unwrap_or_default();
             let changed = gate::accept(&mut accepted, &stored, &before, reason);
             if changed > 0 {
@@ -62,7 +68,7 @@ impl Check {
             checks = hold(&baseline);
         }
         let format = Format::named(&self.format).expect("clap allows no other");
-        print(gate::checks(&checks, format, &experiment.name, file))?;
+        print(gate::checks(&checks, format, &law.name, file))?;
         let mut exit = Exit::Ok;
         if baseline.is_none() {
             eprintln!("there is no baseline {}; `--accept --reason TEXT` makes it from these results", path.display());

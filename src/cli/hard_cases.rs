@@ -6,6 +6,7 @@ use super::{Exit, Failure, print};
 use crate::experiment::{Identity, Override};
 use crate::figure::figures_of;
 use crate::figure::table::Table;
+use crate::gate::{self, Kind, Stored, Thresholds, Verdict};
 use crate::input::{nearest_word, unknown_word_message};
 use crate::run::hard_cases::{self, CurveEnding, HardRun, PlannedCurve};
 use crate::run::{Store, SweepError, interrupt};
@@ -113,7 +114,7 @@ impl HardArguments {
             super::report::write(store.root())?;
         }
         print(summary(&cases, &done))?;
-        let mut exit = say_thresholds(&cases, &done);
+        let mut exit = say_thresholds(&cases, &store)?;
         if done.interrupted {
             exit = exit.and(Exit::Interrupted);
         }
@@ -165,31 +166,22 @@ fn summary(cases: &HardCases, run: &HardRun) -> String {
 }
 
 /// Says the nearest margin of every threshold, and all that is exceeded.
-fn say_thresholds(cases: &HardCases, run: &HardRun) -> Exit {
-    let held = hard_cases::held(&cases.bounds, run);
+fn say_thresholds(cases: &HardCases, store: &Store) -> Result<Exit, Failure> {
+    let held = gate::thresholds(&Stored::read(store.root())?, Thresholds::OfCurves(&cases.bounds));
     let mut exit = Exit::Ok;
     for bound in &cases.bounds {
-        let of_bound: Vec<_> = held.iter().filter(|one| one.line == bound.line).collect();
-        let broken: Vec<_> = of_bound.iter().filter(|one| !one.holds()).collect();
-        let limits = match (bound.max, bound.reaches) {
-            (Some(max), Some(least)) => format!("at most {max:e}, reaches {least:e}"),
-            (Some(max), None) => format!("at most {max:e}"),
-            (None, least) => format!("reaches {:e}", least.unwrap_or_default()),
-        };
-        for one in &broken {
-            let value = one.worst.map_or("missing".to_owned(), |(value, t)| format!("{value:.3e} at {t:e}"));
-            eprintln!("threshold of line {}: EXCEEDED: {} {value}, {limits}: {}", one.line, one.metric, one.label);
+        let of_bound: Vec<_> = held.iter().filter(|one| one.kind == Kind::Threshold(bound.line)).collect();
+        let failed = || of_bound.iter().copied().filter(|one| one.verdict == Verdict::Failed);
+        if failed().next().is_some() {
+            eprint!("{}", gate::lines(failed()));
             exit = Exit::Regression;
-        }
-        if broken.is_empty()
-            && let Some(worst) = of_bound.iter().filter_map(|one| one.worst).max_by(|a, b| a.0.total_cmp(&b.0))
-        {
-            let count = of_bound.len();
+        } else if let Some(worst) = of_bound.iter().filter_map(|one| one.value).max_by(f64::total_cmp) {
+            let (count, limit) = (of_bound.len(), &of_bound[0].limit);
             eprintln!(
-                "threshold of line {}: holds on {count} curves: {} at worst {:.3e}, {limits}",
-                bound.line, bound.metric, worst.0
+                "threshold of line {}: holds on {count} curves: {} at worst {worst:.3e}, {limit}",
+                bound.line, bound.metric
             );
         }
     }
-    exit
+    Ok(exit)
 }

@@ -8,7 +8,7 @@ use clap::Args;
 use super::run::finish;
 use super::{Exit, Failure};
 use crate::experiment::{Experiment, Override};
-use crate::gate::Stored;
+use crate::gate::{ResultKind, Stored};
 use crate::run::{Store, SweepOptions, bring, sweep};
 
 /// Bring the results of shards together, as one run would have written them
@@ -55,10 +55,18 @@ impl Merge {
         }
         let changes: Vec<Override> =
             first.changes.iter().map(|text| text.parse()).collect::<Result<_, String>>().map_err(Failure::internal)?;
-        let experiment = Experiment::load_with(self.experiment.as_ref().unwrap_or(&first.experiment_file), &changes)?;
-        let named: HashSet<String> = stored.iter().flat_map(|s| &s.rows).map(|row| row.text("run")).collect();
-        let chosen: Vec<_> =
-            experiment.candidates.iter().filter(|c| named.contains(&c.identity().key().run())).cloned().collect();
+        let file = self.experiment.as_ref().or(first.experiment_file.as_ref());
+        let file = file.filter(|_| first.kind == ResultKind::Sweep).ok_or_else(|| {
+            Failure::new(Exit::InvalidInput, format!("{} is no part of a sweep", first.folder.display()))
+        })?;
+        let experiment = Experiment::load_with(file, &changes)?;
+        let named: HashSet<&str> = stored.iter().flat_map(|s| &s.rows).map(|row| row.text("run")).collect();
+        let chosen: Vec<_> = experiment
+            .candidates
+            .iter()
+            .filter(|c| named.contains(c.identity().key().run().as_str()))
+            .cloned()
+            .collect();
         if chosen.is_empty() {
             let why = "no run of the experiment as it is now is in these results";
             return Err(Failure::new(Exit::NothingSelected, why));

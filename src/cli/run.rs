@@ -10,7 +10,7 @@ use crate::experiment::{Backend, Candidate, Experiment, Filter, Override};
 use crate::figure::figures_of;
 use crate::figure::summary::summary;
 use crate::figure::table::Table;
-use crate::gate::{self, Format, Stored, Verdict};
+use crate::gate::{self, Format, Stored, Thresholds, Verdict};
 use crate::run::{
     CrewOptions, Ending, Engine, Only, Shard, SlurmOptions, Store, Sweep, SweepError, SweepOptions, claims, interrupt,
     results, shard_of, study, sweep, write_atomic,
@@ -295,7 +295,7 @@ fn say_thresholds(experiment: &Experiment, store: &Store) -> Result<Exit, Failur
     if experiment.thresholds.is_empty() {
         return Ok(Exit::Ok);
     }
-    let held = gate::thresholds(&Stored::read(store.root())?, &experiment.thresholds);
+    let held = gate::thresholds(&Stored::read(store.root())?, Thresholds::OfRuns(&experiment.thresholds));
     eprint!("{}", gate::checks(&held, Format::Human, &experiment.name, &experiment.path));
     let failed = held.iter().any(|check| check.verdict == Verdict::Failed);
     Ok(if failed { Exit::Regression } else { Exit::Ok })

@@ -45,6 +45,8 @@ pub struct CheckSettings {
     pub quality: f64,
     /// Factor by which a time may grow against the other times of its block.
     pub cost: f64,
+    /// Factor by which a rounding error of hard cases may grow.
+    pub error: f64,
 }
 
 #[derive(Debug, Deserialize)]
@@ -140,12 +142,19 @@ impl SlurmSettings {
     }
 }
 
+impl Default for CheckSettings {
+    fn default() -> Self {
+        Self { quality: 1e-4, cost: 1.25, error: 4.0 }
+    }
+}
+
 impl CheckSettings {
     pub fn resolve(file: Option<&CheckFile>, source: &Source) -> Result<Self, InputError> {
         let cost = file.and_then(|f| f.cost.as_ref());
         let settings = Self {
             quality: positive(source, file.and_then(|f| f.quality.as_ref()), "quality", 1e-4)?,
             cost: positive(source, cost, "cost", 1.25)?,
+            ..Self::default()
         };
         match cost {
             Some(value) if settings.cost <= 1.0 => {

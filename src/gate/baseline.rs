@@ -2,12 +2,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
 
 use super::check::{Check, Kind, Verdict};
 use super::interval::Estimate;
-use super::stored::{Place, Stored, StoredRow, TIMES};
-use crate::experiment::{COLUMNS, ColumnKind, TimingIdentity};
+use super::stored::{Place, ResultKind, Stored, StoredRow, TIMES};
+use crate::experiment::TimingIdentity;
 use crate::input::InputError;
 
 /// What results are held against: `results/baselines/NAME.json`.
@@ -36,7 +35,7 @@ pub struct Accepted {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BaselineRow {
-    place: Map<String, Value>,
+    pub place: Place,
     /// Of rows on the GPU: they are held on this adapter alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub adapter: Option<String>,
@@ -51,15 +50,6 @@ pub struct BaselineRow {
 }
 
 const VERSION: u32 = 1;
-
-/// What a baseline holds beside quality: counts, which no machine changes.
-pub const COUNTS: [&str; 4] = ["sh_vectors", "projections", "direct_lights", "model_bytes"];
-
-/// Columns that a baseline holds. HDR FLIP is measured for the rows of a front, and fronts hang on times.
-pub fn held_columns() -> impl Iterator<Item = &'static str> {
-    let held = COLUMNS.iter().filter(|c| c.kind == ColumnKind::Quality || COUNTS.contains(&c.name));
-    held.map(|c| c.name).filter(|name| *name != "flip_hdr")
-}
 
 impl Baseline {
     /// `None` where there is no such file.
@@ -89,8 +79,7 @@ impl Baseline {
 }
 
 impl BaselineRow {
-    pub fn of(row: &StoredRow) -> Self {
-        let place = row.place();
+    pub fn of(row: &StoredRow, kind: ResultKind) -> Self {
         let times = TIMES.iter().filter_map(|column| {
             let estimate = Estimate::of(row.samples(column)?)?;
             let (low, high) = estimate.interval?;
@@ -99,17 +88,13 @@ impl BaselineRow {
         let times: BTreeMap<String, [f64; 3]> = times.collect();
         let timed_on = row.times.as_ref().filter(|_| !times.is_empty()).map(|times| times.on.clone());
         Self {
-            place: place.0.into_iter().map(|(column, text)| (column, Value::String(text))).collect(),
-            adapter: adapter_of(row),
-            run: row.text("run"),
-            values: held_columns().filter_map(|column| Some((column.to_owned(), row.number(column)?))).collect(),
+            place: row.place().clone(),
+            adapter: adapter_of(row).map(str::to_owned),
+            run: row.text("run").to_owned(),
+            values: kind.held().iter().filter_map(|column| Some(((*column).to_owned(), row.number(column)?))).collect(),
             times,
             timed_on,
         }
-    }
-
-    pub fn place(&self) -> Place {
-        Place(self.place.iter().map(|(c, text)| (c.clone(), text.as_str().unwrap_or_default().to_owned())).collect())
     }
 
     pub fn estimate(&self, column: &str) -> Option<Estimate> {
@@ -119,7 +104,7 @@ impl BaselineRow {
 }
 
 /// The adapter of a row on the GPU.
-pub fn adapter_of(row: &StoredRow) -> Option<String> {
+pub fn adapter_of(row: &StoredRow) -> Option<&str> {
     (row.text("backend") == "gpu").then(|| row.text("adapter"))
 }
 
@@ -131,7 +116,7 @@ pub fn accept(baseline: &mut Baseline, stored: &Stored, checks: &[Check], reason
         let row = check.row.map(|row| &stored.rows[row]);
         match (&check.kind, check.baseline_row, row) {
             (Kind::Presence, Some(index), None) => gone.push(index),
-            (Kind::Presence, None, Some(row)) if row.text("status") == "ok" => baseline.rows.push(BaselineRow::of(row)),
+            (Kind::Presence, None, Some(row)) if row.is_ok() => baseline.rows.push(BaselineRow::of(row, stored.kind)),
             (Kind::Quality, Some(index), Some(row)) => {
                 let held = &mut baseline.rows[index];
                 for column in [check.metric.clone(), format!("{}_se", check.metric)] {
@@ -140,7 +125,7 @@ pub fn accept(baseline: &mut Baseline, stored: &Stored, checks: &[Check], reason
                         None => drop(held.values.remove(&column)),
                     }
                 }
-                held.run = row.text("run");
+                held.run = row.text("run").to_owned();
             }
             (Kind::Cost, Some(index), Some(_)) => {
                 // the ratio to the others of the block is what is held: its change is taken over, the machine's speed is not

@@ -3,18 +3,20 @@
 //! Quality is deterministic and held tightly: a value may move by rounding, which differs between processors (fused multiplications, the
 //! system's `sin`), and by nothing else. Where the reference is noisy, the standard errors of both sides decide (z-test, 1 % over all tests
 //! together). Times are held as ratios within one run alone: a time against the other times of its block, on the machine of the baseline,
-//! and it fails only where the ratio and its whole interval lie beyond the limit.
+//! and it fails only where the ratio and its whole interval lie beyond the limit. Curves of hard cases are held by their largest values;
+//! a rounding error keeps its size from one processor to the next and none of its digits, so that it fails only where it grows by a factor.
 
 use std::collections::HashMap;
 
 use serde::Serialize;
 
-use super::baseline::{Baseline, COUNTS, adapter_of, held_columns};
+use super::baseline::{Baseline, adapter_of};
 use super::interval::{Estimate, z_limit};
-use super::stored::{Place, Stored, StoredRow, TIMES};
+use super::stored::{COUNTS, Place, Stored, StoredRow, TIMES, rounding_error};
 use crate::cost::Samples;
 use crate::experiment::{CheckSettings, Threshold};
 use crate::metric::{self, Direction};
+use crate::stability::Bound;
 
 /// What a check says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -66,11 +68,11 @@ pub struct Check {
 }
 
 impl Check {
-    fn new(verdict: Verdict, kind: Kind, place: &Place, metric: &str) -> Self {
+    fn new(verdict: Verdict, kind: Kind, place: &str, metric: &str) -> Self {
         Self {
             verdict,
             kind,
-            place: place.to_string(),
+            place: place.to_owned(),
             metric: metric.to_owned(),
             value: None,
             limit: String::new(),
@@ -100,17 +102,21 @@ pub struct Options {
     pub strict: bool,
 }
 
+/// The thresholds of an experiment's file.
+#[derive(Clone, Copy, Debug)]
+pub enum Thresholds<'t> {
+    OfRuns(&'t [Threshold]),
+    /// Of hard cases.
+    OfCurves(&'t [Bound]),
+}
+
 /// Every threshold and every value of the baseline.
-pub fn check(
-    stored: &Stored,
-    thresholds_of: &[Threshold],
-    baseline: Option<&Baseline>,
-    options: Options,
-) -> Vec<Check> {
-    let mut all = presence(stored);
-    all.extend(thresholds(stored, thresholds_of));
+pub fn check(stored: &Stored, limits: Thresholds, baseline: Option<&Baseline>, options: Options) -> Vec<Check> {
+    let names: Vec<String> = stored.rows.iter().map(|row| row.place().to_string()).collect();
+    let mut all = presence(stored, &names);
+    all.extend(thresholds(stored, limits));
     if let Some(baseline) = baseline {
-        against_baseline(stored, baseline, options.settings, &mut all);
+        against_baseline(stored, &names, baseline, options.settings, &mut all);
     }
     if options.strict {
         for check in all.iter_mut().filter(|c| matches!(c.verdict, Verdict::Better | Verdict::NotCompared)) {
@@ -122,34 +128,41 @@ pub fn check(
 }
 
 /// Runs that went wrong or were not run, and results without any.
-fn presence(stored: &Stored) -> Vec<Check> {
+fn presence(stored: &Stored, names: &[String]) -> Vec<Check> {
     if stored.rows.is_empty() {
-        let check = Check::new(Verdict::Failed, Kind::Presence, &Place(Vec::new()), "");
+        let check = Check::new(Verdict::Failed, Kind::Presence, "", "");
         return vec![check.noted("the results hold no run")];
     }
     let mut all = Vec::new();
     for (index, row) in stored.rows.iter().enumerate() {
-        let (verdict, word) = match row.text("status").as_str() {
+        let (verdict, word) = match row.text("status") {
             "ok" => continue,
             "skipped" => (Verdict::NotCompared, "was skipped"),
             "open" => (Verdict::Failed, "was not run"),
             _ => (Verdict::Failed, "failed"),
         };
         let note = format!("the run {word}: {}", row.text("note"));
-        all.push(Check::new(verdict, Kind::Presence, &row.place(), "").noted(note).at(Some(index), None));
+        all.push(Check::new(verdict, Kind::Presence, &names[index], "").noted(note).at(Some(index), None));
     }
     all
 }
 
 /// Every run under every threshold; a run that failed or lacks the metric does not hold. Runs that were skipped for want of a GPU, or left
 /// out by a filter, are not asked.
-pub fn thresholds(stored: &Stored, thresholds: &[Threshold]) -> Vec<Check> {
+pub fn thresholds(stored: &Stored, thresholds: Thresholds) -> Vec<Check> {
+    match thresholds {
+        Thresholds::OfRuns(thresholds) => of_runs(stored, thresholds),
+        Thresholds::OfCurves(bounds) => bounds.iter().flat_map(|bound| of_curves(stored, bound)).collect(),
+    }
+}
+
+fn of_runs(stored: &Stored, thresholds: &[Threshold]) -> Vec<Check> {
     let mut all = Vec::new();
     let asked: Vec<(usize, &StoredRow)> = stored
         .rows
         .iter()
         .enumerate()
-        .filter(|(_, row)| row.is_pooled() && !["skipped", "open"].contains(&row.text("status").as_str()))
+        .filter(|(_, row)| row.is_pooled() && !["skipped", "open"].contains(&row.text("status")))
         .collect();
     for threshold in thresholds {
         let before = all.len();
@@ -158,9 +171,59 @@ pub fn thresholds(stored: &Stored, thresholds: &[Threshold]) -> Vec<Check> {
         }
         if all.len() == before {
             let kind = Kind::Threshold(threshold.line);
-            let check = Check::new(Verdict::NotCompared, kind, &Place(Vec::new()), threshold.metric.name);
+            let check = Check::new(Verdict::NotCompared, kind, "", threshold.metric.name);
             all.push(check.noted("no run of the results is under this threshold"));
         }
+    }
+    all
+}
+
+/// Every curve under a threshold. A curve that was skipped for want of a GPU is not asked; one that failed does not hold; and one without
+/// the metric (a model without a naive form, a light without an independent route) is not asked, as long as another of the threshold's
+/// curves has it.
+fn of_curves(stored: &Stored, bound: &Bound) -> Vec<Check> {
+    let metric = bound.metric.as_str();
+    let kind = || Kind::Threshold(bound.line);
+    let limit = match (bound.max, bound.reaches) {
+        (Some(max), Some(least)) => format!("at most {max:?}, reaches {least:?}"),
+        (Some(max), None) => format!("at most {max:?}"),
+        (None, least) => format!("reaches {:?}", least.unwrap_or_default()),
+    };
+    let mut all = Vec::new();
+    let mut asked = 0;
+    for (index, row) in stored.rows.iter().enumerate().filter(|(_, row)| bound.selects(|column| row.text(column))) {
+        if ["skipped", "open"].contains(&row.text("status")) {
+            continue;
+        }
+        asked += 1;
+        let mut check = Check::new(Verdict::Holds, kind(), &row.place().to_string(), metric).at(Some(index), None);
+        check.limit.clone_from(&limit);
+        let Some(value) = row.number(metric) else {
+            if !row.is_ok() {
+                check.verdict = Verdict::Failed;
+                all.push(check.noted("the curve has no such value"));
+            }
+            continue;
+        };
+        check.value = Some(value);
+        check.note = row.worst_at(metric).map(|t| format!("at {} = {t:.3e}", row.text("parameter")));
+        let over = bound.max.filter(|max| value > *max);
+        let under = bound.reaches.filter(|least| value < *least);
+        let shares = [bound.max.map(|max| value / max), bound.reaches.map(|least| least / value)];
+        check.used = shares.into_iter().flatten().filter(|share| share.is_finite()).reduce(f64::max);
+        if over.is_some() || under.is_some() {
+            check.verdict = Verdict::Failed;
+            let word = if over.is_some() { "max" } else { "reaches" };
+            check.passes_at = Some(format!("{word} = {value:?}"));
+        }
+        all.push(check);
+    }
+    if all.is_empty() {
+        let (verdict, note) = match asked {
+            0 => (Verdict::NotCompared, "no curve of the results is under this threshold"),
+            _ => (Verdict::Failed, "no curve has this metric"),
+        };
+        all.push(Check::new(verdict, kind(), "", metric).noted(note));
     }
     all
 }
@@ -174,7 +237,7 @@ fn estimate(row: &StoredRow, column: &str) -> Option<Estimate> {
 fn under_threshold(threshold: &Threshold, row: &StoredRow, rows: &[(usize, &StoredRow)]) -> Check {
     let name = threshold.metric.name;
     let place = row.place();
-    let mut check = Check::new(Verdict::Holds, Kind::Threshold(threshold.line), &place, name);
+    let mut check = Check::new(Verdict::Holds, Kind::Threshold(threshold.line), &place.to_string(), name);
     let own = estimate(row, name);
     let value = match &threshold.per {
         None => own,
@@ -187,7 +250,7 @@ fn under_threshold(threshold: &Threshold, row: &StoredRow, rows: &[(usize, &Stor
                 .filter(|(_, other)| other.matches(per))
                 .map(|(_, other)| (other.place(), *other))
                 .filter(|(other, _)| same_case(other))
-                .max_by_key(|(other, _)| (agreement(other), std::cmp::Reverse(other.clone())));
+                .max_by_key(|(other, _)| (agreement(other), std::cmp::Reverse(*other)));
             let Some((other_place, other)) = picked else {
                 check.verdict = Verdict::Failed;
                 return check.noted("no run of the same scene, lights and backend is picked by `per`");
@@ -247,68 +310,86 @@ fn under_threshold(threshold: &Threshold, row: &StoredRow, rows: &[(usize, &Stor
     check
 }
 
-fn against_baseline(stored: &Stored, baseline: &Baseline, settings: CheckSettings, all: &mut Vec<Check>) {
-    let place_of_row: Vec<Place> = stored.rows.iter().map(StoredRow::place).collect();
-    let mut known: HashMap<(Place, Option<String>), usize> = HashMap::new();
-    let mut places: HashMap<Place, usize> = HashMap::new();
+fn against_baseline(
+    stored: &Stored,
+    names: &[String],
+    baseline: &Baseline,
+    settings: CheckSettings,
+    all: &mut Vec<Check>,
+) {
+    // the rows of the baseline at a place: on the GPU one an adapter
+    let mut known: HashMap<&Place, Vec<usize>> = HashMap::with_capacity(baseline.rows.len());
     for (index, row) in baseline.rows.iter().enumerate() {
-        known.insert((row.place(), row.adapter.clone()), index);
-        places.insert(row.place(), index);
+        known.entry(&row.place).or_default().push(index);
     }
     let mut pairs: Vec<(usize, usize)> = Vec::new();
     let mut met = vec![false; baseline.rows.len()];
-    for (index, (row, place)) in stored.rows.iter().zip(&place_of_row).enumerate() {
-        let ok = row.text("status") == "ok";
-        match (known.get(&(place.clone(), adapter_of(row))), places.get(place)) {
-            (Some(held), _) => {
+    for (index, row) in stored.rows.iter().enumerate() {
+        let ok = row.is_ok();
+        let check = |verdict, note: &str| {
+            Check::new(verdict, Kind::Presence, &names[index], "").noted(note).at(Some(index), None)
+        };
+        let held = known.get(row.place()).map_or(&[][..], Vec::as_slice);
+        match held.iter().find(|held| baseline.rows[**held].adapter.as_deref() == adapter_of(row)) {
+            Some(held) => {
                 met[*held] = true;
                 if ok {
                     pairs.push((index, *held));
                 }
             }
-            // the same place on another adapter, or skipped
-            (None, Some(held)) => {
-                let adapters = baseline.rows.iter().enumerate().filter(|(_, held)| held.place() == *place);
-                adapters.for_each(|(index, _)| met[index] = true);
+            None if held.is_empty() => {
                 if ok {
-                    let theirs = baseline.rows[*held].adapter.as_deref().unwrap_or("none");
-                    let note = format!("its baseline is of the adapter {theirs}, not {}", row.text("adapter"));
-                    all.push(
-                        Check::new(Verdict::NotCompared, Kind::Presence, place, "").noted(note).at(Some(index), None),
-                    );
+                    all.push(check(Verdict::Unknown, "not in the baseline"));
                 }
             }
-            (None, None) if ok => {
-                let check = Check::new(Verdict::Unknown, Kind::Presence, place, "");
-                all.push(check.noted("not in the baseline").at(Some(index), None));
+            // the same place on another adapter, or skipped
+            None => {
+                held.iter().for_each(|held| met[*held] = true);
+                if ok {
+                    let theirs = baseline.rows[held[0]].adapter.as_deref().unwrap_or("none");
+                    let note = format!("its baseline is of the adapter {theirs}, not {}", row.text("adapter"));
+                    all.push(check(Verdict::NotCompared, &note));
+                }
             }
-            (None, None) => {}
         }
     }
     for (index, held) in baseline.rows.iter().enumerate().filter(|(index, _)| !met[*index]) {
-        let check = Check::new(Verdict::Failed, Kind::Presence, &held.place(), "");
+        let check = Check::new(Verdict::Failed, Kind::Presence, &held.place.to_string(), "");
         all.push(check.noted("in the baseline, not in the results").at(None, Some(index)));
     }
 
-    let noisy = |row: usize, held: usize, column: &str| {
-        let own = stored.rows[row].number(&format!("{column}_se"));
-        own.zip(baseline.rows[held].values.get(&format!("{column}_se")).copied())
+    // columns with the name of their standard error, and whether they have one
+    let held_columns: Vec<(&str, Option<String>)> = stored
+        .kind
+        .held()
+        .iter()
+        .filter(|column| !column.ends_with("_se"))
+        .map(|column| {
+            let error = format!("{column}_se");
+            (*column, stored.kind.held().contains(&error.as_str()).then_some(error))
+        })
+        .collect();
+    let noisy = |row: usize, held: usize, error: &Option<String>| {
+        let error = error.as_deref()?;
+        stored.rows[row].number(error).zip(baseline.rows[held].values.get(error).copied())
     };
     let tests: usize = pairs
         .iter()
-        .map(|(row, held)| held_columns().filter(|column| noisy(*row, *held, column).is_some()).count())
+        .map(|(row, held)| held_columns.iter().filter(|(_, error)| noisy(*row, *held, error).is_some()).count())
         .sum();
     let z = z_limit(tests);
     for &(row, held) in &pairs {
-        for column in held_columns().filter(|column| !column.ends_with("_se")) {
+        for (column, error) in &held_columns {
             let own = stored.rows[row].number(column);
-            let base = baseline.rows[held].values.get(column).copied();
-            let mut check = Check::new(Verdict::Holds, Kind::Quality, &place_of_row[row], column);
+            let base = baseline.rows[held].values.get(*column).copied();
+            if own.is_none() && base.is_none() {
+                continue;
+            }
+            let mut check = Check::new(Verdict::Holds, Kind::Quality, &names[row], column);
             check = check.at(Some(row), Some(held));
             check.value = own;
             match (own, base) {
-                (None, None) => continue,
-                (Some(_), None) => {
+                (_, None) => {
                     check.verdict = Verdict::NotCompared;
                     check.note = Some("the baseline has no such value".to_owned());
                 }
@@ -319,7 +400,7 @@ fn against_baseline(stored: &Stored, baseline: &Baseline, settings: CheckSetting
                 }
                 (Some(own), Some(base)) => {
                     let scale = scale_of(column, &baseline.rows[held].values);
-                    let errors = noisy(row, held, column);
+                    let errors = noisy(row, held, error);
                     let is_noisy = stored.rows[row].number("ref_noise").is_some_and(|noise| noise > 0.0);
                     quality(&mut check, own, base, scale, errors, is_noisy, z, settings);
                 }
@@ -327,7 +408,7 @@ fn against_baseline(stored: &Stored, baseline: &Baseline, settings: CheckSetting
             all.push(check);
         }
     }
-    cost(stored, baseline, &pairs, settings, all);
+    cost(stored, names, baseline, &pairs, settings, all);
 }
 
 /// Rounding that is forgiven beside the relative change, in the unit of the column: sixteen times the rounding of f32 against the reference.
@@ -350,8 +431,11 @@ fn quality(
     settings: CheckSettings,
 ) {
     let name = check.metric.clone();
+    let roundings = rounding_error(&name);
+    let is_count = COUNTS.contains(&name.as_str()) || ["singular", "non_finite"].contains(&name.as_str());
     let (relative, floor) = match name.as_str() {
-        _ if COUNTS.contains(&name.as_str()) || ["singular", "non_finite"].contains(&name.as_str()) => (0.0, 0.0),
+        _ if roundings.is_some() => (settings.error - 1.0, roundings.unwrap_or_default()),
+        _ if is_count => (0.0, 0.0),
         // mean of a picture: a pixel at an edge may fall to its other side
         "flip" => (settings.quality.max(1e-3), 1e-5),
         // of a system near to singular
@@ -363,7 +447,8 @@ fn quality(
     // how much worse; negative where it is better
     let lower = || own - base;
     let worse = match (name.as_str(), metric::metric(&name).map(|m| m.direction)) {
-        (_, Some(Direction::Lower)) | ("flip" | "condition" | "jump" | "singular" | "non_finite", None) => lower(),
+        (_, Some(Direction::Lower)) => lower(),
+        (name, None) if is_better_lower(name) && !COUNTS.contains(&name) => lower(),
         // nearer to zero on the same side is better, everything else is a change
         (_, Some(Direction::NearerZero)) if own * base >= 0.0 && own.abs() <= base.abs() => own.abs() - base.abs(),
         _ => (own - base).abs(),
@@ -375,8 +460,9 @@ fn quality(
     check.used = (allowed > 0.0).then(|| worse.max(0.0) / allowed);
     check.verdict = match () {
         () if worse.is_nan() => Verdict::Failed,
+        () if roundings.is_some() && base > settings.error * own + floor => Verdict::Better,
         () if worse <= allowed && worse >= -allowed => Verdict::Holds,
-        () if is_noisy && errors.is_none() => {
+        () if is_noisy && errors.is_none() && !is_count => {
             check.note = Some("the reference is noisy, and this has no standard error".to_owned());
             Verdict::NotCompared
         }
@@ -388,6 +474,9 @@ fn quality(
             Some((a, b)) if a.hypot(b) > 0.0 => {
                 Some(format!("a limit of |z| of {:.2}", (worse - rounding) / a.hypot(b)))
             }
+            _ if roundings.is_some() => {
+                (base > 0.0).then(|| format!("[check] error = {:.3e}", 1.0 + (worse - floor).max(0.0) / base))
+            }
             _ if base != 0.0 && relative > 0.0 => {
                 Some(format!("[check] quality = {:.3e}", (worse - floor).max(0.0) / base.abs()))
             }
@@ -396,16 +485,28 @@ fn quality(
     }
 }
 
+/// Whether less is better of a column that is no metric of points.
+pub(super) fn is_better_lower(column: &str) -> bool {
+    let others = ["flip", "flip_hdr", "jump", "face_jump", "level_jump", "condition", "singular", "non_finite"];
+    others.contains(&column) || COUNTS.contains(&column) || rounding_error(column).is_some()
+}
+
 /// Times of the pairs, block by block: how each changed against the median of the others.
-fn cost(stored: &Stored, baseline: &Baseline, pairs: &[(usize, usize)], settings: CheckSettings, all: &mut Vec<Check>) {
+fn cost(
+    stored: &Stored,
+    names: &[String],
+    baseline: &Baseline,
+    pairs: &[(usize, usize)],
+    settings: CheckSettings,
+    all: &mut Vec<Check>,
+) {
     for column in TIMES {
-        let mut blocks: HashMap<[String; 4], Vec<(usize, usize, Estimate)>> = HashMap::new();
-        let mut order: Vec<[String; 4]> = Vec::new();
+        let mut blocks: HashMap<[&str; 4], Vec<(usize, usize, Estimate)>> = HashMap::new();
+        let mut order: Vec<[&str; 4]> = Vec::new();
         for &(row, held) in pairs {
             let (now, then) = (&stored.rows[row], &baseline.rows[held]);
             let Some(base) = then.estimate(column) else { continue };
-            let place = now.place();
-            let mut check = Check::new(Verdict::NotCompared, Kind::Cost, &place, column).at(Some(row), Some(held));
+            let mut check = Check::new(Verdict::NotCompared, Kind::Cost, &names[row], column).at(Some(row), Some(held));
             let Some(own) = now.samples(column).and_then(Estimate::of) else {
                 check.note = Some("it was not timed".to_owned());
                 all.push(check);
@@ -430,15 +531,15 @@ fn cost(stored: &Stored, baseline: &Baseline, pairs: &[(usize, usize)], settings
             }
             let block = [now.text("scene"), now.text("lights"), now.text("backend"), now.text("adapter")];
             if !blocks.contains_key(&block) {
-                order.push(block.clone());
+                order.push(block);
             }
             blocks.entry(block).or_default().push((row, held, own.over(&base)));
         }
         for block in order {
             let members = &blocks[&block];
             for (index, (row, held, own)) in members.iter().enumerate() {
-                let place = stored.rows[*row].place();
-                let mut check = Check::new(Verdict::Holds, Kind::Cost, &place, column).at(Some(*row), Some(*held));
+                let mut check =
+                    Check::new(Verdict::Holds, Kind::Cost, &names[*row], column).at(Some(*row), Some(*held));
                 let others = members.iter().enumerate().filter(|(i, _)| *i != index).map(|(_, (_, _, e))| e.value);
                 let others = Samples(others.collect());
                 let Some(common) = others.median() else {

@@ -2,11 +2,13 @@
 
 use std::collections::HashMap;
 
+use rayon::prelude::*;
 use serde::Serialize;
 
+use super::check::is_better_lower;
 use super::interval::{Estimate, z_limit};
-use super::stored::{Place, Stored, StoredRow, TIMES};
-use crate::experiment::{COLUMNS, ColumnKind};
+use super::stored::{COUNTS, Place, Stored, StoredRow, TIMES, rounding_error, unit};
+use crate::experiment::COLUMNS;
 use crate::metric::{self, Direction};
 
 /// How B stands to A.
@@ -61,47 +63,69 @@ const Z: f64 = 1.959_963_984_540_054;
 /// Rounding of deterministic values that no one need see.
 const ROUNDING: (f64, f64) = (1e-4, 2e-6);
 
+/// Within this factor rounding errors are of the same size.
+const ROUNDING_FACTOR: f64 = 4.0;
+
 /// Everything in which two results differ, and in which they agree. `effect` is the factor from which a change of a time counts.
 pub fn compare(a: &Stored, b: &Stored, effect: f64) -> Comparison {
     let mut flags = Vec::new();
     if a.experiment != b.experiment {
         flags.push(format!("A is of the experiment `{}`, B of `{}`", a.experiment, b.experiment));
     }
-    let in_b: HashMap<Place, &StoredRow> = b.rows.iter().map(|row| (row.place(), row)).collect();
-    let in_a: std::collections::HashSet<Place> = a.rows.iter().map(StoredRow::place).collect();
+    if a.kind != b.kind {
+        flags.push("one is a sweep, the other hard cases: no row of one is in the other".to_owned());
+    }
+    let in_b: HashMap<&Place, &StoredRow> = b.rows.iter().map(|row| (row.place(), row)).collect();
+    let in_a: std::collections::HashSet<&Place> = a.rows.iter().map(StoredRow::place).collect();
+    let columns: Vec<Compared> = a.kind.compared().into_iter().map(Compared::new).collect();
+    let paired = a.rows.iter().filter(|row| in_b.contains_key(row.place()));
+    let tests =
+        paired.map(|row| columns.iter().filter(|c| c.error.as_ref().is_some_and(|e| row.number(e).is_some())).count());
+    let z = z_limit(tests.sum());
+    // rows are compared beside one another; their flags come in the order of the rows
+    let found: Vec<(Vec<Change>, Vec<String>)> = a
+        .rows
+        .par_iter()
+        .map(|row| match in_b.get(row.place()) {
+            None => (vec![lone(row.place(), &row.place().to_string(), Word::OnlyA)], Vec::new()),
+            Some(other) => pair(row, other, &columns, z, effect),
+        })
+        .collect();
     let mut changes = Vec::new();
-    let pairs: Vec<(Place, &StoredRow, &StoredRow)> =
-        a.rows.iter().filter_map(|row| Some((row.place(), row, *in_b.get(&row.place())?))).collect();
-    let tests = pairs
-        .iter()
-        .map(|(_, row, _)| quality_columns().filter(|c| row.number(&format!("{}_se", c.name)).is_some()).count())
-        .sum();
-    let z = z_limit(tests);
-    for row in &a.rows {
-        let place = row.place();
-        match in_b.get(&place) {
-            None => changes.push(lone(place, Word::OnlyA)),
-            Some(other) => pair(&place, row, other, z, effect, &mut changes, &mut flags),
+    for (of_row, told) in found {
+        changes.extend(of_row);
+        for flag in told {
+            if !flags.contains(&flag) {
+                flags.push(flag);
+            }
         }
     }
-    for row in b.rows.iter().filter(|row| !in_a.contains(&row.place())) {
-        changes.push(lone(row.place(), Word::OnlyB));
+    for row in b.rows.iter().filter(|row| !in_a.contains(row.place())) {
+        changes.push(lone(row.place(), &row.place().to_string(), Word::OnlyB));
     }
     Comparison { a: a.folder.display().to_string(), b: b.folder.display().to_string(), flags, changes }
 }
 
-fn quality_columns() -> impl Iterator<Item = &'static crate::experiment::Column> {
-    let counts = ["sh_vectors", "projections", "direct_lights", "model_bytes"];
-    COLUMNS
-        .iter()
-        .filter(move |c| (c.kind == ColumnKind::Quality && !c.name.ends_with("_se")) || counts.contains(&c.name))
+/// A column by which rows are compared.
+struct Compared {
+    name: &'static str,
+    unit: &'static str,
+    /// The column of its standard error, where it has one.
+    error: Option<String>,
 }
 
-fn lone(place: Place, word: Word) -> Change {
-    let label = place.to_string();
+impl Compared {
+    fn new(name: &'static str) -> Self {
+        let error = format!("{name}_se");
+        let is_column = COLUMNS.iter().any(|c| c.name == error);
+        Self { name, unit: unit(name), error: is_column.then_some(error) }
+    }
+}
+
+fn lone(place: &Place, label: &str, word: Word) -> Change {
     Change {
-        place,
-        label,
+        place: place.clone(),
+        label: label.to_owned(),
         metric: String::new(),
         unit: "",
         a: None,
@@ -114,33 +138,23 @@ fn lone(place: Place, word: Word) -> Change {
     }
 }
 
-fn pair(
-    place: &Place,
-    a: &StoredRow,
-    b: &StoredRow,
-    z: f64,
-    effect: f64,
-    changes: &mut Vec<Change>,
-    flags: &mut Vec<String>,
-) {
-    let mut flag = |text: String| {
-        if !flags.contains(&text) {
-            flags.push(text);
-        }
-    };
+/// The changes of a row, and what has to be known of them.
+fn pair(a: &StoredRow, b: &StoredRow, columns: &[Compared], z: f64, effect: f64) -> (Vec<Change>, Vec<String>) {
+    let (mut changes, mut flags) = (Vec::with_capacity(columns.len() + TIMES.len()), Vec::new());
+    let (place, label) = (a.place(), a.place().to_string());
     let statuses = [a.text("status"), b.text("status")];
     if statuses != ["ok", "ok"] {
         let note = format!("status {} and {}", statuses[0], statuses[1]);
         let word = if statuses[0] == statuses[1] { Word::Same } else { Word::NotCompared };
-        changes.push(Change { note, ..lone(place.clone(), word) });
-        return;
+        changes.push(Change { note, ..lone(place, &label, word) });
+        return (changes, flags);
     }
     let adapters = [a.text("adapter"), b.text("adapter")];
     let same_adapter = adapters[0] == adapters[1];
     if !same_adapter {
-        flag(format!("the GPU rows are of `{}` in A and of `{}` in B", adapters[0], adapters[1]));
+        flags.push(format!("the GPU rows are of `{}` in A and of `{}` in B", adapters[0], adapters[1]));
     }
-    for column in quality_columns() {
+    for column in columns {
         let (own, other) = (a.number(column.name), b.number(column.name));
         if own.is_none() && other.is_none() {
             continue;
@@ -150,12 +164,12 @@ fn pair(
             unit: column.unit,
             a: own,
             b: other,
-            ..lone(place.clone(), Word::Open)
+            ..lone(place, &label, Word::Open)
         };
         if let Some((own, other)) = own.zip(other) {
             let difference = other - own;
             change.change = Some(difference);
-            let errors = [a, b].map(|row| row.number(&format!("{}_se", column.name)));
+            let errors = [a, b].map(|row| column.error.as_ref().and_then(|error| row.number(error)));
             let error = errors[0].zip(errors[1]).map(|(x, y)| x.hypot(y));
             let half = error.map_or(0.0, |error| Z * error);
             change.interval = Some((difference - half, difference + half));
@@ -163,10 +177,15 @@ fn pair(
                 ("W/m^2", Some(rmse), Some(nrmse)) if nrmse > 0.0 => rmse / nrmse,
                 _ => 1.0,
             };
-            let rounding = ROUNDING.0 * own.abs() + ROUNDING.1 * scale;
-            let noisy = error.is_none() && a.number("ref_noise").is_some_and(|noise| noise > 0.0);
+            let roundings = rounding_error(column.name);
+            let rounding = ROUNDING.0 * own.abs() + roundings.unwrap_or(ROUNDING.1 * scale);
+            let noisy = error.is_none()
+                && !COUNTS.contains(&column.name)
+                && a.number("ref_noise").is_some_and(|noise| noise > 0.0);
+            let alike = own.max(other) <= ROUNDING_FACTOR * own.min(other) + rounding;
             change.word = match () {
                 () if difference == 0.0 || difference.abs() <= rounding => Word::Same,
+                () if roundings.is_some() && alike => Word::Open,
                 () if noisy || error.is_some_and(|error| difference.abs() <= rounding + z * error) => Word::Open,
                 () => direction(column.name, own, other),
             };
@@ -183,14 +202,13 @@ fn pair(
         if own.is_none() && other.is_none() {
             continue;
         }
-        let unit = COLUMNS.iter().find(|c| c.name == name).map_or("", |c| c.unit);
         let mut change = Change {
             metric: name.to_owned(),
-            unit,
+            unit: unit(name),
             a: own.map(|e| e.value),
             b: other.map(|e| e.value),
             ratio: true,
-            ..lone(place.clone(), Word::NotCompared)
+            ..lone(place, &label, Word::NotCompared)
         };
         let on = [a, b].map(|row| row.times.as_ref().map(|times| times.on.clone()));
         match (own.zip(other), on) {
@@ -203,7 +221,7 @@ fn pair(
                         None => on.machine.clone(),
                     };
                     change.note = "timed on another machine or adapter".to_owned();
-                    flag(format!("times are not compared: A on `{}`, B on `{}`", name(&on_a), name(&on_b)));
+                    flags.push(format!("times are not compared: A on `{}`, B on `{}`", name(&on_a), name(&on_b)));
                 } else {
                     let ratio = other.over(&own);
                     (change.change, change.interval) = (Some(ratio.value), ratio.interval);
@@ -225,14 +243,14 @@ fn pair(
         }
         changes.push(change);
     }
+    (changes, flags)
 }
 
 fn direction(column: &str, a: f64, b: f64) -> Word {
     let lower = if b < a { Word::Better } else { Word::Worse };
     match (column, metric::metric(column).map(|m| m.direction)) {
         (_, Some(Direction::Lower)) => lower,
-        ("flip" | "flip_hdr" | "jump" | "condition" | "singular" | "non_finite", None) => lower,
-        ("sh_vectors" | "projections" | "direct_lights" | "model_bytes", None) => lower,
+        (column, None) if is_better_lower(column) => lower,
         (_, Some(Direction::NearerZero)) if b.abs() < a.abs() => Word::Better,
         (_, Some(Direction::NearerZero)) => Word::Worse,
         _ => Word::Changed,

@@ -4,12 +4,14 @@ mod baseline;
 mod check;
 mod compare;
 mod interval;
+mod law;
 mod say;
 mod stored;
 
 pub use baseline::{Accepted, Baseline, BaselineRow, accept};
-pub use check::{Check, Kind, Options, Verdict, check, thresholds};
+pub use check::{Check, Kind, Options, Thresholds, Verdict, check, thresholds};
 pub use compare::{Change, Comparison, Word, compare};
 pub use interval::{Estimate, z_limit};
-pub use say::{Format, TableFormat, changes, checks};
-pub use stored::{Place, Stored, StoredRow, StoredTimes};
+pub use law::Law;
+pub use say::{Format, TableFormat, changes, checks, lines};
+pub use stored::{Place, ResultKind, Stored, StoredRow, StoredTimes};

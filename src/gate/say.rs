@@ -76,6 +76,16 @@ fn line(check: &Check) -> String {
     text
 }
 
+/// Checks as they come, a line each, whatever their words hold.
+pub fn lines<'c>(checks: impl IntoIterator<Item = &'c Check>) -> String {
+    let mut text = String::new();
+    for check in checks {
+        text.extend(line(check).chars().map(|c| if c.is_control() { ' ' } else { c }));
+        text.push('\n');
+    }
+    text
+}
+
 fn count(checks: &[Check], verdict: Verdict) -> usize {
     checks.iter().filter(|check| check.verdict == verdict).count()
 }
@@ -93,7 +103,7 @@ pub fn checks(checks: &[Check], format: Format, experiment: &str, file: &Path) -
         Format::Human => {
             let mut sorted: Vec<&Check> = checks.iter().collect();
             sorted.sort_by_key(|check| check.verdict);
-            let mut text: String = sorted.into_iter().map(|check| line(check) + "\n").collect();
+            let mut text = lines(sorted);
             text += &summary(checks);
             text.push('\n');
             text
@@ -296,5 +306,72 @@ pub fn changes(comparison: &Comparison, format: TableFormat, all: bool) -> Strin
             }
             String::from_utf8(writer.into_inner().expect(broken)).expect("text")
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A failure whose words hold everything that a format could stumble over.
+    fn nasty() -> Vec<Check> {
+        let note = "50 % of it,\r\nthen <b a=\"c\">&amp;</b> ]]> \u{1b}[31m: end";
+        vec![Check {
+            verdict: Verdict::Failed,
+            kind: Kind::Threshold(7),
+            place: "a|b:c,d \u{0}".to_owned(),
+            metric: "nrmse".to_owned(),
+            value: Some(2.0),
+            limit: "at most 1".to_owned(),
+            used: Some(2.0),
+            passes_at: None,
+            note: Some(note.to_owned()),
+            row: None,
+            baseline_row: None,
+        }]
+    }
+
+    #[test]
+    fn commands_of_workflows_are_one_line_each_whatever_a_name_holds() {
+        let text = checks(&nasty(), Format::Github, "odd", Path::new("a b/50 %,x:y.toml"));
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), 2, "{text}");
+        let properties = lines[0].strip_prefix("::error ").unwrap().split_once("::").unwrap();
+        assert_eq!(properties.0, "file=a b/50 %25%2Cx%3Ay.toml,line=7,title=rigbench check");
+        assert!(properties.1.contains("50 %25 of it,%0D%0Athen <b"), "{}", properties.1);
+    }
+
+    #[test]
+    fn reports_for_test_runners_are_xml_whatever_a_name_holds() {
+        use quick_xml::events::Event;
+        let text = checks(&nasty(), Format::Junit, "a & <b>", Path::new("x.toml"));
+        let mut reader = quick_xml::Reader::from_str(&text);
+        let mut message = String::new();
+        loop {
+            match reader.read_event().unwrap_or_else(|why| panic!("{why}: {text}")) {
+                Event::Start(element) | Event::Empty(element) => {
+                    for attribute in element.attributes() {
+                        let attribute = attribute.unwrap();
+                        let value = attribute.normalized_value(quick_xml::XmlVersion::Explicit1_0).unwrap();
+                        if attribute.key.as_ref() == b"message" {
+                            message = value.into_owned();
+                        }
+                    }
+                }
+                Event::Eof => break,
+                _ => {}
+            }
+        }
+        assert!(message.contains("<b a=\"c\">&amp;</b> ]]>") && message.contains("50 % of it"), "{message}");
+        // what XML cannot say at all is left out
+        assert!(!text.contains(['\u{0}', '\u{1b}']), "{text:?}");
+    }
+
+    #[test]
+    fn other_formats_keep_to_their_shape_too() {
+        let json: serde_json::Value =
+            serde_json::from_str(&checks(&nasty(), Format::Json, "odd", Path::new("x"))).unwrap();
+        assert_eq!(json["checks"][0]["kind"]["threshold"], 7);
+        assert_eq!(checks(&nasty(), Format::Human, "odd", Path::new("x")).lines().count(), 2);
     }
 }

@@ -1,29 +1,54 @@
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
-use serde::Deserialize;
-use serde_json::{Map, Value};
+use serde::de::{Deserializer, IgnoredAny, MapAccess, Visitor};
+use serde::{Deserialize, Serialize};
 
 use crate::cost::Samples;
-use crate::experiment::{Axis, COLUMNS, ColumnKind, TimingIdentity};
+use crate::experiment::{COLUMNS, Column, ColumnKind, TimingIdentity};
 use crate::input::InputError;
 use crate::run::Times;
+use crate::stability;
 
 /// Results as `results.json` keeps them.
 #[derive(Debug)]
 pub struct Stored {
     pub folder: PathBuf,
     pub experiment: String,
+    pub kind: ResultKind,
     /// The experiment's file and the changes of the command line under which it ran.
-    pub experiment_file: PathBuf,
+    pub experiment_file: Option<PathBuf>,
     pub changes: Vec<String>,
+    /// Of hard cases one a curve.
     pub rows: Vec<StoredRow>,
+}
+
+/// What results are of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+pub enum ResultKind {
+    #[default]
+    #[serde(rename = "sweep")]
+    Sweep,
+    /// Hard cases: curves over a parameter.
+    #[serde(rename = "stability")]
+    Curves,
 }
 
 /// A row: its columns by name, and the samples of its times.
 #[derive(Clone, Debug, Default)]
 pub struct StoredRow {
-    cells: Map<String, Value>,
+    cells: Vec<(&'static str, Cell)>,
+    place: Place,
     pub times: Option<StoredTimes>,
+    /// Of curves: the value of the parameter at which a column is largest.
+    worst_at: Vec<(&'static str, f64)>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Cell {
+    Number(f64),
+    Text(String),
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -35,14 +60,117 @@ pub struct StoredTimes {
 #[derive(Deserialize)]
 struct ResultsFile {
     experiment: String,
-    experiment_file: PathBuf,
+    #[serde(default)]
+    kind: ResultKind,
+    experiment_file: Option<PathBuf>,
     #[serde(default)]
     changes: Vec<String>,
-    rows: Vec<Map<String, Value>>,
+    rows: Vec<StoredRow>,
 }
 
 /// Times that are held and compared: column, and the samples behind it.
 pub const TIMES: [&str; 2] = ["setup_us", "eval_ns_per_point"];
+
+/// Columns of curves that a sweep does not have.
+const OF_CURVES: [&str; 12] = [
+    "family",
+    "parameter",
+    "t",
+    "model",
+    "error",
+    "error_with_inputs",
+    "f64_error",
+    "naive_error",
+    "naive_non_finite",
+    "largest",
+    ERROR_MEDIAN,
+    F64_ERROR_MEDIAN,
+];
+const ERROR_MEDIAN: &str = "error_median";
+const F64_ERROR_MEDIAN: &str = "f64_error_median";
+
+/// The name of a column as the program's own text, by which rows keep it; none where the program does not know it.
+fn known(name: &str) -> Option<&'static str> {
+    static KNOWN: OnceLock<HashMap<&str, &'static str>> = OnceLock::new();
+    let names = || COLUMNS.iter().map(|c| c.name).chain(OF_CURVES).map(|name| (name, name));
+    KNOWN.get_or_init(|| names().collect()).get(name).copied()
+}
+
+impl ResultKind {
+    /// The columns that say what a row is, but for the run's key and the experiment's name: the same from run to run.
+    fn identity(self) -> &'static [&'static str] {
+        static SWEEP: OnceLock<Vec<&str>> = OnceLock::new();
+        match self {
+            ResultKind::Curves => &stability::CHOICES,
+            ResultKind::Sweep => SWEEP.get_or_init(|| {
+                let identity = COLUMNS.iter().filter(|c| c.kind == ColumnKind::Identity).map(|c| c.name);
+                identity.filter(|name| !["run", "experiment"].contains(name)).collect()
+            }),
+        }
+    }
+
+    /// Columns of quality that are held and compared, standard errors among them, and counts, which no machine changes.
+    /// HDR FLIP is measured for the rows of a front, and fronts hang on times; naive forms are there to fail.
+    pub fn held(self) -> &'static [&'static str] {
+        static SWEEP: OnceLock<Vec<&str>> = OnceLock::new();
+        match self {
+            ResultKind::Curves => &[
+                "non_finite",
+                "singular",
+                "error",
+                "error_with_inputs",
+                "f64_error",
+                ERROR_MEDIAN,
+                F64_ERROR_MEDIAN,
+                "condition",
+                "largest",
+            ],
+            ResultKind::Sweep => SWEEP.get_or_init(|| {
+                let is_held = |c: &&Column| c.kind == ColumnKind::Quality || COUNTS.contains(&c.name);
+                COLUMNS.iter().filter(is_held).map(|c| c.name).filter(|name| *name != "flip_hdr").collect()
+            }),
+        }
+    }
+
+    /// Columns that two results are compared by.
+    pub fn compared(self) -> Vec<&'static str> {
+        let held = self.held().iter().copied().filter(|name| !name.ends_with("_se"));
+        match self {
+            ResultKind::Sweep => held.chain(["flip_hdr"]).collect(),
+            ResultKind::Curves => held.chain(["naive_error", "naive_non_finite"]).collect(),
+        }
+    }
+}
+
+/// Counts beside quality.
+pub const COUNTS: [&str; 8] = [
+    "sh_vectors",
+    "projections",
+    "direct_lights",
+    "model_bytes",
+    "samples",
+    "samples_taken",
+    "samples_inside",
+    "floats",
+];
+
+/// Whether a column counts rounding errors, of which no digit need come back, only the size; and the rounding that is free.
+pub fn rounding_error(column: &str) -> Option<f64> {
+    match column {
+        // sixteen roundings of f32, of f64
+        "error" | "error_with_inputs" | "naive_error" | ERROR_MEDIAN => Some(2e-6),
+        "f64_error" | F64_ERROR_MEDIAN => Some(4e-15),
+        _ => None,
+    }
+}
+
+/// The unit of a column; empty for pure numbers.
+pub fn unit(column: &str) -> &'static str {
+    match column {
+        "largest" => "W/m^2",
+        _ => COLUMNS.iter().find(|c| c.name == column).map_or("", |c| c.unit),
+    }
+}
 
 impl Stored {
     /// Reads the results in a folder.
@@ -53,58 +181,105 @@ impl Stored {
             .map_err(|e| broken(format!("cannot be read: {e}")).with_help("`rigbench run` writes it"))?;
         let file: ResultsFile = serde_json::from_slice(&bytes)
             .map_err(|e| broken(format!("is no results of this program: {e}")).with_help("run the experiment again"))?;
-        let rows = file
-            .rows
-            .into_iter()
-            .map(|mut cells| {
-                let times = cells.remove("times").map(serde_json::from_value).transpose();
-                Ok(StoredRow { cells, times: times.map_err(|e| broken(format!("times: {e}")))? })
-            })
-            .collect::<Result<_, InputError>>()?;
+        let mut rows = match file.kind {
+            ResultKind::Sweep => file.rows,
+            ResultKind::Curves => curves(file.rows),
+        };
+        for row in &mut rows {
+            let named = file.kind.identity().iter().map(|name| ((*name).to_owned(), row.text(name).to_owned()));
+            row.place = Place(named.filter(|(_, text)| !text.is_empty()).collect());
+        }
         Ok(Self {
             folder: folder.to_owned(),
             experiment: file.experiment,
-            experiment_file: folder.join(file.experiment_file),
+            kind: file.kind,
+            experiment_file: file.experiment_file.map(|file| folder.join(file)),
             changes: file.changes,
             rows,
         })
     }
 }
 
+/// A row a curve from a row a value of its parameter: what it is, the largest of each number and where, and the middle of the errors.
+fn curves(points: Vec<StoredRow>) -> Vec<StoredRow> {
+    let mut all: Vec<StoredRow> = Vec::new();
+    let mut rest = points.into_iter().peekable();
+    while let Some(first) = rest.next() {
+        let run = first.text("run").to_owned();
+        let mut points = vec![first];
+        while rest.peek().is_some_and(|next| next.text("run") == run) {
+            points.extend(rest.next());
+        }
+        let mut curve = StoredRow::default();
+        for column in ["run", "experiment", "parameter", "adapter", "status", "note"].iter().chain(&stability::CHOICES)
+        {
+            curve.put(column, points[0].text(column).to_owned());
+        }
+        let measured = stability::COLUMNS.iter().map(|c| c.0).chain(["largest"]);
+        for column in measured.filter_map(known) {
+            let values = points.iter().filter_map(|point| Some((point.number(column)?, point.number("t")?)));
+            if let Some((value, t)) = values.max_by(|a, b| a.0.total_cmp(&b.0)) {
+                curve.cells.push((column, Cell::Number(value)));
+                curve.worst_at.push((column, t));
+            }
+        }
+        for (column, middle) in [("error", ERROR_MEDIAN), ("f64_error", F64_ERROR_MEDIAN)] {
+            let values = Samples(points.iter().filter_map(|point| point.number(column)).collect());
+            curve.cells.extend(values.median().map(|value| (middle, Cell::Number(value))));
+        }
+        all.push(curve);
+    }
+    all
+}
+
 impl StoredRow {
-    /// What stands in a column; empty where that has no meaning.
-    pub fn text(&self, column: &str) -> String {
-        match self.cells.get(column) {
-            None | Some(Value::Null) => String::new(),
-            Some(Value::String(text)) => text.clone(),
-            Some(other) => other.to_string(),
+    fn cell(&self, column: &str) -> Option<&Cell> {
+        self.cells.iter().find(|(name, _)| *name == column).map(|(_, cell)| cell)
+    }
+
+    fn put(&mut self, column: &str, text: String) {
+        if let (Some(column), false) = (known(column), text.is_empty()) {
+            self.cells.push((column, Cell::Text(text)));
+        }
+    }
+
+    /// What stands in a column of words; empty where that has no meaning.
+    pub fn text(&self, column: &str) -> &str {
+        match self.cell(column) {
+            Some(Cell::Text(text)) => text,
+            Some(Cell::Number(_)) | None => "",
         }
     }
 
     pub fn number(&self, column: &str) -> Option<f64> {
-        match self.cells.get(column)? {
-            Value::Number(number) => number.as_f64(),
-            Value::String(text) => text.parse().ok().filter(|v: &f64| v.is_finite()),
-            _ => None,
+        match self.cell(column)? {
+            Cell::Number(number) => Some(*number),
+            Cell::Text(text) => text.parse().ok().filter(|v: &f64| v.is_finite()),
         }
     }
 
-    /// Every column that says what the row is, but for the run's key and the experiment's name: the same from run to run.
-    pub fn place(&self) -> Place {
-        let identity = COLUMNS.iter().filter(|c| c.kind == ColumnKind::Identity);
-        let named = identity.filter(|c| !["run", "experiment"].contains(&c.name));
-        Place(named.map(|c| (c.name.to_owned(), self.text(c.name))).filter(|(_, text)| !text.is_empty()).collect())
+    /// Every column that says what the row is.
+    pub fn place(&self) -> &Place {
+        &self.place
+    }
+
+    pub fn is_ok(&self) -> bool {
+        self.text("status") == "ok"
+    }
+
+    /// The value of the parameter at which a curve's column is largest.
+    pub fn worst_at(&self, column: &str) -> Option<f64> {
+        self.worst_at.iter().find(|(name, _)| *name == column).map(|(_, t)| *t)
     }
 
     /// For a selection of the experiment file.
     pub fn matches(&self, selection: &crate::experiment::Selection) -> bool {
-        let columns: Vec<String> = Axis::ALL.iter().map(|axis| self.text(axis.name())).collect();
-        selection.matches_columns(|axis| Some(columns[axis as usize].as_str()).filter(|text| !text.is_empty()))
+        selection.matches_columns(|axis| Some(self.text(axis.name())).filter(|text| !text.is_empty()))
     }
 
     /// Pooled over receivers and frames.
     pub fn is_pooled(&self) -> bool {
-        self.text("receiver").is_empty() && self.text("frame").is_empty()
+        self.cell("receiver").is_none() && self.cell("frame").is_none()
     }
 
     /// The samples behind a column of times.
@@ -118,13 +293,143 @@ impl StoredRow {
     }
 }
 
+/// Rows are read member by member: a sweep has thousands, and a tree of values of each costs more than all that is done with it.
+impl<'de> Deserialize<'de> for StoredRow {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Members;
+        impl<'de> Visitor<'de> for Members {
+            type Value = StoredRow;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+                f.write_str("a row of results")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<StoredRow, A::Error> {
+                let mut row = StoredRow { cells: Vec::with_capacity(48), ..StoredRow::default() };
+                while let Some(name) = map.next_key::<Member>()? {
+                    match name {
+                        Member::Times => row.times = map.next_value()?,
+                        Member::Column(column) => {
+                            let cell = map.next_value::<Option<Cell>>()?.map(|cell| match (column, cell) {
+                                // numbers that are names
+                                ("order" | "frame", Cell::Number(number)) => Cell::Text(number.to_string()),
+                                (_, cell) => cell,
+                            });
+                            row.cells.extend(cell.filter(|cell| !cell.is_empty()).map(|cell| (column, cell)));
+                        }
+                        Member::Other => drop(map.next_value::<IgnoredAny>()?),
+                    }
+                }
+                Ok(row)
+            }
+        }
+        deserializer.deserialize_map(Members)
+    }
+}
+
+/// The name of a member of a row.
+enum Member {
+    Times,
+    Column(&'static str),
+    Other,
+}
+
+impl<'de> Deserialize<'de> for Member {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Name;
+        impl Visitor<'_> for Name {
+            type Value = Member;
+            fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+                f.write_str("a column")
+            }
+            fn visit_str<E>(self, name: &str) -> Result<Member, E> {
+                Ok(match name {
+                    "times" => Member::Times,
+                    _ => known(name).map_or(Member::Other, Member::Column),
+                })
+            }
+        }
+        deserializer.deserialize_str(Name)
+    }
+}
+
+impl Cell {
+    fn is_empty(&self) -> bool {
+        matches!(self, Cell::Text(text) if text.is_empty())
+    }
+}
+
+impl<'de> Deserialize<'de> for Cell {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Scalar;
+        impl Visitor<'_> for Scalar {
+            type Value = Cell;
+            fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+                f.write_str("a number or a text")
+            }
+            fn visit_f64<E>(self, value: f64) -> Result<Cell, E> {
+                Ok(Cell::Number(value))
+            }
+            fn visit_u64<E>(self, value: u64) -> Result<Cell, E> {
+                Ok(Cell::Number(value as f64))
+            }
+            fn visit_i64<E>(self, value: i64) -> Result<Cell, E> {
+                Ok(Cell::Number(value as f64))
+            }
+            fn visit_bool<E>(self, value: bool) -> Result<Cell, E> {
+                Ok(Cell::Text(value.to_string()))
+            }
+            fn visit_str<E>(self, text: &str) -> Result<Cell, E> {
+                Ok(Cell::Text(text.to_owned()))
+            }
+        }
+        deserializer.deserialize_any(Scalar)
+    }
+}
+
 /// What a row is about: column and text, in the order of the columns.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Place(pub Vec<(String, String)>);
 
 impl Place {
+    /// Of columns in any order.
+    pub fn sorted(mut columns: Vec<(String, String)>) -> Self {
+        let at = |name: &str| {
+            let of = |kind: ResultKind| kind.identity().iter().position(|column| *column == name);
+            of(ResultKind::Sweep).or(of(ResultKind::Curves))
+        };
+        columns.sort_by_key(|(name, _)| at(name));
+        Self(columns)
+    }
+
     pub fn get(&self, column: &str) -> &str {
         self.0.iter().find(|(name, _)| name == column).map_or("", |(_, text)| text)
+    }
+}
+
+impl Serialize for Place {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.0.iter().map(|(name, text)| (name, text)))
+    }
+}
+
+impl<'de> Deserialize<'de> for Place {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Members;
+        impl<'de> Visitor<'de> for Members {
+            type Value = Place;
+            fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+                f.write_str("texts by column")
+            }
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Place, A::Error> {
+                let mut columns = Vec::new();
+                while let Some(entry) = map.next_entry()? {
+                    columns.push(entry);
+                }
+                Ok(Place::sorted(columns))
+            }
+        }
+        deserializer.deserialize_map(Members)
     }
 }
 
@@ -138,7 +443,8 @@ impl std::fmt::Display for Place {
             let space = if index > 0 { " " } else { "" };
             match name.as_str() {
                 // words that say themselves what they are
-                "scene" | "lights" | "rig" | "interpolation" | "backend" | "precision" | "storage" => {
+                "scene" | "lights" | "rig" | "interpolation" | "backend" | "precision" | "storage" | "family"
+                | "model" => {
                     write!(f, "{space}{text}")?;
                 }
                 _ => write!(f, "{space}{name}={text}")?,

@@ -4,6 +4,7 @@
 mod answer;
 mod fronts;
 mod hard_cases;
+mod held;
 mod page;
 mod pixels;
 mod stored;

@@ -30,7 +30,7 @@
     if (u === 'B') k = Math.max(0, k);
     return digits(v / 1000 ** k) + ' ' + ['p', 'n', 'µ', 'm', '', 'k', 'M', 'G'][k + 4] + u;
   };
-  const shares = new Set(['nrmse', 'nrmse_clamped', 'bias', 'ref_noise', 'truncation_nrmse', 'interpolation_nrmse', 'jump']);
+  const shares = new Set(['nrmse', 'nrmse_clamped', 'bias', 'ref_noise', 'truncation_nrmse', 'interpolation_nrmse', 'jump', 'face_jump', 'level_jump', 'boundary_nrmse', 'near_nrmse', 'leak']);
   const written = (column, t) => {
     const v = t === '' || Number.isNaN(Number(t)) ? null : Number(t);
     if (v === null || column === 'run' || column === 'order' || column === 'frame') return t;
@@ -98,6 +98,31 @@
     svg.append(make('svg:line', { class: 'median', x1: x(median), x2: x(median), y1: 3, y2: 31 }));
     return make('div', {}, svg, make('p', { class: 'help' }, says));
   };
+  // the structure of a volume: cells, walls and samples where a plane cuts it
+  const structureOf = (s) => {
+    const says = `Cut at half height, seen from above: ${s.samples} samples`;
+    const svg = make('svg:svg', { class: 'structure', viewBox: `-8 -8 ${s.width + 16} ${s.height + 16}`, role: 'img', 'aria-label': says });
+    for (const kind of ['cell', 'wall', 'sample', 'inside']) if (s.paths[kind]) svg.append(make('svg:path', { class: kind, d: s.paths[kind] }));
+    const key = make('p', { class: 'help' }, says + '. ', make('span', { class: 'key interpolation' }, 'sample'), ' ', make('span', { class: 'key truncation' }, 'sample inside geometry'), ' ', make('span', { class: 'key wall' }, 'static geometry'));
+    return make('div', {}, svg, key);
+  };
+  // errors frame by frame
+  const overFrames = (parts) => {
+    const at = (name) => data.part_columns.indexOf(name);
+    const rows = parts.filter((p) => p[at('frame')] !== '');
+    const lines = ['truncation_nrmse', 'interpolation_nrmse', 'nrmse'].filter((c) => at(c) >= 0)
+      .map((c) => [c, rows.map((p) => [Number(p[at('frame')]), Number(p[at(c)])]).filter((v, i) => rows[i][at(c)] !== '')]).filter(([, l]) => l.length > 1);
+    if (!lines.length) return null;
+    const values = lines.flatMap(([, l]) => l), high = Math.max(...values.map((v) => v[1])) || 1, last = Math.max(...values.map((v) => v[0])) || 1;
+    const x = (v) => 58 + 332 * v / last, y = (v) => 112 - 100 * v / high;
+    const worst = lines[lines.length - 1][1].reduce((a, b) => (b[1] > a[1] ? b : a));
+    const svg = make('svg:svg', { class: 'plot over-frames', viewBox: '0 0 400 142', role: 'img', 'aria-label': `Error over the frames 0 to ${last}: largest in frame ${worst[0]}, ${percent(worst[1])}` });
+    for (const v of [0, high / 2, high]) svg.append(make('svg:line', { class: 'grid', x1: 58, x2: 390, y1: y(v), y2: y(v) }), make('svg:text', { class: 'tick', x: 52, y: y(v) + 4, 'text-anchor': 'end' }, percent(v)));
+    for (const v of [0, last]) svg.append(make('svg:text', { class: 'tick', x: x(v), y: 130, 'text-anchor': 'middle' }, String(v)));
+    svg.append(make('svg:text', { class: 'tick', x: 224, y: 138, 'text-anchor': 'middle' }, 'frame'));
+    for (const [c, l] of lines) svg.append(make('svg:polyline', { class: 'curve ' + c, points: l.map((v) => x(v[0]) + ',' + y(v[1])).join(' ') }));
+    return svg;
+  };
   const showRun = (key, jump) => {
     const row = rowOf.get(key);
     if (!row) return;
@@ -126,6 +151,10 @@
       }
       add('Where the error comes from', bars);
     }
+    const parts = data.parts[key];
+    const film = parts && data.part_columns.includes('frame') ? overFrames(parts) : null;
+    if (film) add('Error frame by frame', film, make('p', { class: 'help' }, make('span', { class: 'key truncation' }, 'the order'), ' ', make('span', { class: 'key interpolation' }, 'the rig'), ' ', make('span', { class: 'key both' }, 'together')));
+    if (about.structure) add('Its cells and samples', structureOf(about.structure));
     if (about.setup_us) add('Setup of a frame, every sample', spread(about.setup_us, 's', 1e-6));
     if (about.eval_ns && about.eval_ns.length) add('Evaluation of a point, every sample', spread(about.eval_ns, 's', 1e-9));
     for (const [kind, title] of [['quality', 'Quality'], ['cost', 'Cost'], ['identity', 'What it is'], ['circumstance', 'How it went']]) {
@@ -135,7 +164,6 @@
       if (pairs.length) add(title, definitions(pairs));
     }
     runSection.append(columns);
-    const parts = data.parts[key];
     if (parts) {
       const body = make('tbody');
       const numeric = (c) => c !== 'receiver' && c !== 'frame';
@@ -160,7 +188,7 @@
   const shown = [
     ['status', 'status'], ['family', 'family'], ['name', 'rig'], ['scene', 'scene'], ['lights', 'lights'], ['backend', 'on'],
     ['nrmse', 'nRMSE'], ['truncation_nrmse', 'the order'], ['interpolation_nrmse', 'the rig'], ['flip', 'FLIP'],
-    ['sh_vectors', 'SH vectors'], ['model_bytes', 'size'], ['setup_us', 'setup'], ['eval_ns_per_point', 'evaluation / point'],
+    ['sh_vectors', 'SH vectors'], ['samples', 'samples'], ['model_bytes', 'size'], ['bake_s', 'bake'], ['jump', 'jump'], ['leak', 'leak'], ['setup_us', 'setup'], ['eval_ns_per_point', 'evaluation / point'],
     ['frame_us_1m', 'frame, 1 M points'], ['pareto', 'front'],
     ...(place.has('family') ? [['error', 'f32'], ['worst_t', 'at'], ['f64_error', 'f64'], ['naive_error', 'naive f32'], ['non_finite', 'not finite'], ['singular', 'singular']] : []),
   ].filter(([c]) => c === 'name' || data.rows.some((r) => text(r, c) !== ''));
@@ -258,7 +286,7 @@
 
   // ---- pictures ---------------------------------------------------------------------------------------------------------------
   const pictures = new Map();
-  data.cases.forEach((c, i) => c.candidates.forEach((candidate) => pictures.set(candidate.run, [i, candidate])));
+  data.cases.forEach((c, i) => c.other || c.candidates.forEach((candidate) => pictures.set(candidate.run, [i, candidate])));
   const pictureOf = (key) => pictures.get(key);
   const bytesOfText = (t) => Uint8Array.from(atob(t), (c) => c.charCodeAt(0));
   let halves = null;
@@ -300,8 +328,9 @@
     return cache.get(id);
   };
 
+  // `case` is what is shown, `first` the case whose frames can be chosen
   const view = {
-    case: 0, run: null, mode: 'side', stops: 0, scale: 0, zoom: 1, x: 0.5, y: 0.5, pixel: null, wipe: 50,
+    case: 0, first: 0, run: null, mode: 'side', stops: 0, scale: 0, zoom: 1, x: 0.5, y: 0.5, pixel: null, wipe: 50,
     flicker: false, playing: false, picture: 'picture', error: 'magnitude', now: null,
   };
   const maps = {};
@@ -314,13 +343,15 @@
   const isDark = () => getComputedStyle(document.documentElement).colorScheme.includes('dark');
 
   const load = async () => {
-    const c = data.cases[view.case], count = c.width * c.height, candidate = pictures.get(view.run)[1];
+    const index = view.case, run = view.run, c = data.cases[index], count = c.width * c.height;
+    const candidate = c.candidates.find((one) => one.run === run);
+    if (!candidate) { $('v-state').textContent = `Of ${nameOf(rowOf.get(run))} there is no picture of this frame: run the experiment again.`; return; }
     const [reference, albedo, error] = await Promise.all([
-      unpacked('px-reference-' + view.case, c.reference, count),
-      unpacked('px-albedo-' + view.case, c.albedo, count),
-      unpacked('px-' + view.run, candidate.exponent, count),
+      unpacked('px-reference-' + index, c.reference, count),
+      unpacked('px-albedo-' + index, c.albedo, count),
+      unpacked(`px-${index}-${run}`, candidate.exponent, count),
     ]);
-    if (pictures.get(view.run)[1] !== candidate) return;
+    if (view.run !== run || view.case !== index) return;
     const e = error.values, r = reference.values;
     const whole = new Float32Array(e.length);
     for (let i = 0; i < whole.length; i++) whole[i] = r[i] + e[i];
@@ -443,7 +474,8 @@
   function draw() {
     const n = view.now;
     if (!n) return;
-    const row = rowOf.get(view.run), name = nameOf(row), place = `${n.case.scene} under ${n.case.lights}`;
+    const row = rowOf.get(view.run), name = nameOf(row), frame = n.case.frame;
+    const place = `${n.case.scene} under ${n.case.lights}` + (frame === null ? '' : `, frame ${frame}`);
     const side = view.mode === 'side';
     $('v-panes').classList.toggle('two', !side);
     const [reference, candidate, error] = ['reference', 'candidate', 'error'].map(paneOf);
@@ -453,7 +485,7 @@
     $('v-flick').textContent = view.playing ? 'Stop' : 'Flicker';
     const say = (pane, caption, description) => { pane.caption.textContent = caption; pane.canvas.setAttribute('aria-label', description); };
     const nrmse = value(row, 'nrmse');
-    const quality = nrmse === null ? '' : `, nRMSE ${percent(nrmse)}`;
+    const quality = nrmse === null ? '' : `, nRMSE ${percent(nrmse)}` + (frame === null ? '' : ' over all frames');
     if (side) {
       paint(reference.canvas, paintPicture(n, n.reference), n.reference);
       say(reference, 'reference', `Reference picture of ${place}`);
@@ -499,9 +531,30 @@
     body.replaceChildren(line('reference', n.reference), line('candidate', n.candidate), line('error', n.error));
   };
 
+  const frames = () => data.cases[view.first].frames;
+  const chooseFrame = (place) => {
+    const all = frames();
+    if (!all.length) return;
+    const at = Math.max(0, Math.min(all.length - 1, place));
+    $('v-frame').value = at;
+    view.case = all[at];
+    $('v-frame-value').textContent = data.cases[view.case].frame;
+    load();
+  };
+  let film = null;
+  const playFilm = (on) => {
+    clearInterval(film);
+    film = on ? setInterval(() => chooseFrame((Number($('v-frame').value) + 1) % frames().length), 350) : null;
+    $('v-play').textContent = on ? 'Stop' : 'Play';
+  };
   const chooseCase = (index, run) => {
-    view.case = index;
+    playFilm(false);
+    view.case = view.first = index;
     const c = data.cases[index];
+    for (const id of ['v-frame-label', 'v-play']) $(id).hidden = !c.frames.length;
+    $('v-frame').max = Math.max(0, c.frames.length - 1);
+    $('v-frame').value = c.frames.indexOf(index);
+    $('v-frame-value').textContent = c.frame === null ? '' : c.frame;
     $('v-case').value = index;
     $('v-run').replaceChildren(...c.candidates.map((candidate) => {
       const row = rowOf.get(candidate.run), e = value(row, 'nrmse');
@@ -526,7 +579,7 @@
   if (data.cases.length) {
     // room for the pictures before they are there, so that nothing moves when they come
     for (const canvas of document.querySelectorAll('#v-panes canvas')) { canvas.width = data.cases[0].width; canvas.height = data.cases[0].height; }
-    $('v-case').append(...data.cases.map((c, i) => make('option', { value: i }, `${c.scene}, ${c.lights}`)));
+    data.cases.forEach((c, i) => c.other || $('v-case').append(make('option', { value: i }, `${c.scene}, ${c.lights}`)));
     $('v-case').addEventListener('change', () => chooseCase(Number($('v-case').value)));
     $('v-run').addEventListener('change', () => chooseRun($('v-run').value));
     const range = (id, set) => $(id).addEventListener('input', () => { set(Number($(id).value)); draw(); });
@@ -534,6 +587,8 @@
     range('v-scale', (v) => { view.scale = v; });
     range('v-zoom', (v) => { view.zoom = 2 ** v; });
     range('v-wipe', (v) => { view.wipe = v; });
+    $('v-frame').addEventListener('input', () => { playFilm(false); chooseFrame(Number($('v-frame').value)); });
+    $('v-play').addEventListener('click', () => playFilm(film === null));
     $('v-picture').addEventListener('change', () => { view.picture = $('v-picture').value; draw(); });
     $('v-error').addEventListener('change', () => { view.error = $('v-error').value; draw(); });
     const setMode = (mode) => {
@@ -610,6 +665,8 @@
         else if (event.key === '-') zoomBy(-1);
         else if (event.key === 'n') step($('v-run'), 1);
         else if (event.key === 'p') step($('v-run'), -1);
+        else if (event.key === ',') chooseFrame(Number($('v-frame').value) - 1);
+        else if (event.key === '.') chooseFrame(Number($('v-frame').value) + 1);
         else if (event.key === 'f') {
           if (view.mode !== 'flicker') setMode('flicker');
           else { play(false); view.flicker = !view.flicker; draw(); }

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::answer::Answer;
 use super::fronts;
 use super::hard_cases;
+use super::held;
 use super::pixels::Pictures;
 use super::stored::Stored;
 use super::trouble::{Trouble, trouble};
@@ -30,6 +31,7 @@ pub fn page(stored: &Stored, pictures: &Pictures) -> String {
     let cases = groups(named.iter().copied(), &["scene", "lights", "backend", "adapter"]);
     let has_pictures = pictures.count() > 0;
     let claims = claims(stored);
+    let held = held::section(&stored.folder);
     html! {
         (DOCTYPE)
         html lang="en" {
@@ -52,6 +54,7 @@ pub fn page(stored: &Stored, pictures: &Pictures) -> String {
                     (answer_section(&answer))
                     nav aria-label="sections" {
                         @if !troubles.is_empty() { a href="#trouble" { "Trouble" } }
+                        @if held.is_some() { a href="#held" { "What had to hold" } }
                         @if claims.is_some() { a href="#claims" { "Claims" } }
                         a href="#fronts" { @if stored.points.is_some() { "Error against the parameter" } @else { "Quality against cost" } }
                         @if has_pictures { a href="#viewer" { "Pictures" } }
@@ -62,6 +65,7 @@ pub fn page(stored: &Stored, pictures: &Pictures) -> String {
                 }
                 main {
                     (trouble_section(&troubles))
+                    @if let Some(held) = held { (held) }
                     @if let Some(claims) = claims { (claims) }
                     @match &stored.points {
                         Some(points) => (curves_section(points)),
@@ -81,7 +85,7 @@ pub fn page(stored: &Stored, pictures: &Pictures) -> String {
                     script type="text/plain" id=(format!("px-reference-{i}")) { (PreEscaped(&case.reference.text)) }
                     script type="text/plain" id=(format!("px-albedo-{i}")) { (PreEscaped(&case.albedo.text)) }
                     @for candidate in &case.candidates {
-                        script type="text/plain" id=(format!("px-{}", candidate.run)) { (PreEscaped(&candidate.error.text)) }
+                        script type="text/plain" id=(format!("px-{i}-{}", candidate.run)) { (PreEscaped(&candidate.error.text)) }
                     }
                 }
             }
@@ -267,7 +271,9 @@ fn viewer_section(pictures: &Pictures) -> Markup {
             p class="help" {
                 "Pictures of max(0, albedo × irradiance / π) at the reference's exposure. Numbers are irradiance in W/m², read from the stored values as half floats"
                 @if let Some(case) = shrunk { ", averaged from " (case.full.0) " × " (case.full.1) " to " (case.width) " × " (case.height) " pixels" }
-                ". Keys on a picture: arrows move the pixel, + and − zoom, n and p change the candidate, f flickers, e changes the error map, [ and ] the exposure."
+                ". Keys on a picture: arrows move the pixel, + and − zoom, n and p change the candidate, f flickers, e changes the error map, [ and ] the exposure"
+                @if pictures.cases.iter().any(|case| !case.frames.is_empty()) { ", comma and full stop the frame" }
+                "."
             }
             div class="controls" {
                 label { "Case " select id="v-case" {} }
@@ -290,6 +296,8 @@ fn viewer_section(pictures: &Pictures) -> Markup {
                 label { "Error scale " input id="v-scale" type="range" min="-4" max="4" step="0.5" value="0"; output id="v-scale-value" {} }
                 label { "Zoom " input id="v-zoom" type="range" min="0" max="6" step="1" value="0"; output id="v-zoom-value" { "1 ×" } }
                 label id="v-wipe-label" hidden { "Slider " input id="v-wipe" type="range" min="0" max="100" step="0.5" value="50"; }
+                label id="v-frame-label" hidden { "Frame " input id="v-frame" type="range" min="0" max="0" step="1" value="0"; output id="v-frame-value" {} }
+                button id="v-play" type="button" hidden { "Play" }
                 button id="v-flick" type="button" hidden { "Stop" }
             }
             div id="v-panes" {
@@ -395,6 +403,9 @@ fn provenance_section(stored: &Stored) -> Markup {
 /// The columns of the row of a receiver or a frame that stand in the details of a run.
 const OF_PART: [&str; 7] = ["receiver", "frame", "nrmse", "truncation_nrmse", "interpolation_nrmse", "max_abs", "jump"];
 
+/// Most rows of receivers, frames or values of a parameter that stand in the details of a run.
+const MOST_PARTS: usize = 256;
+
 /// What the script works on.
 fn data(stored: &Stored, pictures: &Pictures) -> Value {
     let rows = stored.runs();
@@ -417,10 +428,14 @@ fn data(stored: &Stored, pictures: &Pictures) -> Value {
             if let Some(seconds) = files.seconds {
                 run["seconds"] = json!(seconds);
             }
+            if let Some(structure) = &files.structure {
+                run["structure"] = json!(structure);
+            }
             let links = [
                 (files.has_log, format!("runs/{}/log.txt", r.text("run")), "log"),
                 (files.has_configuration, format!("runs/{}/config.json", r.text("run")), "configuration"),
                 (files.has_image, format!("images/{}.exr", r.text("run")), "OpenEXR image"),
+                (files.has_section, format!("volumes/{}.csv", r.text("run")), "cut through the volume"),
             ];
             let links: Vec<Value> =
                 links.into_iter().filter(|(there, ..)| *there).map(|(_, href, text)| json!([href, text])).collect();
@@ -437,7 +452,7 @@ fn data(stored: &Stored, pictures: &Pictures) -> Value {
     let mut parts: BTreeMap<&str, Vec<Value>> = BTreeMap::new();
     for r in source.rows().filter(is_part) {
         let of_run = parts.entry(r.text("run")).or_default();
-        if of_run.len() < 64 {
+        if of_run.len() < MOST_PARTS {
             of_run.push(part_columns.iter().map(|c| json!(r.text(c))).collect());
         }
     }
@@ -481,6 +496,7 @@ fn data(stored: &Stored, pictures: &Pictures) -> Value {
                 "scene": case.scene, "lights": case.lights, "width": case.width, "height": case.height,
                 "exposure": case.exposure, "rms": case.rms, "high": case.error_high,
                 "reference": case.reference.exponent, "albedo": case.albedo.exponent, "candidates": candidates,
+                "frame": case.frame, "other": case.is_other, "frames": case.frames,
             })
         })
         .collect();

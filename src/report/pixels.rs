@@ -20,10 +20,16 @@ pub struct Pictures {
     pub cases: Vec<Case>,
 }
 
-/// The pictures of one scene under one layout.
+/// The pictures of one scene under one layout, in one frame.
 pub struct Case {
     pub scene: String,
     pub lights: String,
+    /// The frame of an animation.
+    pub frame: Option<usize>,
+    /// Whether it is another frame than the one that is shown first.
+    pub is_other: bool,
+    /// Of the case that is shown first: the places of its other frames among all cases, in their order, its own among them.
+    pub frames: Vec<usize>,
     pub width: usize,
     pub height: usize,
     /// As they were rendered.
@@ -80,9 +86,12 @@ impl Packed {
 }
 
 /// A case before it is packed: its rows with images.
+#[derive(Clone)]
 struct Wanted<'a> {
     scene: &'a str,
     lights: &'a str,
+    frame: Option<usize>,
+    is_other: bool,
     rows: Vec<Row<'a>>,
 }
 
@@ -97,16 +106,33 @@ impl Pictures {
         let pictured = rows.iter().copied().filter(|r| {
             family(r.text("lights")).is_none() && stored.runs.get(r.text("run")).is_some_and(|files| files.has_image)
         });
-        let wanted: Vec<Wanted> = groups(pictured, &["scene", "lights"])
-            .into_iter()
-            .map(|group| Wanted { scene: group.key[0], lights: group.key[1], rows: group.rows })
-            .collect();
+        let frames_of = |row: &Row| stored.runs.get(row.text("run")).map_or(&[][..], |files| &files.frames);
+        let mut wanted: Vec<Wanted> = Vec::new();
+        for group in groups(pictured, &["scene", "lights"]) {
+            let frame = group.rows.iter().find_map(|row| stored.picture_frame(row.text("run")));
+            let own = Wanted { scene: group.key[0], lights: group.key[1], frame, is_other: false, rows: group.rows };
+            let mut frames: Vec<usize> = own.rows.iter().flat_map(frames_of).copied().collect();
+            frames.sort_unstable();
+            frames.dedup();
+            wanted.push(own.clone());
+            wanted.extend(frames.into_iter().map(|frame| {
+                let rows = own.rows.iter().copied().filter(|row| frames_of(row).contains(&frame)).collect();
+                Wanted { frame: Some(frame), is_other: true, rows, ..own.clone() }
+            }));
+        }
         let images = stored.folder.join("images");
-        let read = |row: &Row| LayeredImage::read(&images.join(format!("{}.exr", row.text("run")))).ok();
+        let read = |row: &Row, other: Option<usize>| {
+            let frame = other.map_or(String::new(), |frame| format!(".f{frame:02}"));
+            LayeredImage::read(&images.join(format!("{}{frame}.exr", row.text("run")))).ok()
+        };
         let mut largest = LARGEST;
         loop {
-            let cases: Vec<Case> = wanted.par_iter().filter_map(|w| Case::of(w, largest, &read)).collect();
-            let pictures = Self { cases };
+            let cases: Vec<Case> = wanted
+                .par_iter()
+                .filter_map(|w| Case::of(w, largest, &|row: &Row| read(row, w.frame.filter(|_| w.is_other))))
+                .collect();
+            let mut pictures = Self { cases };
+            pictures.join_frames();
             let size = pictures.size();
             if size <= budget || largest.0 < 32 {
                 return pictures;
@@ -116,6 +142,26 @@ impl Pictures {
             let factor = (budget as f64 / size as f64).sqrt() * 0.96;
             let width = (shown as f64 * factor) as usize;
             largest = (width.max(16), (width * LARGEST.1 / LARGEST.0).max(9));
+        }
+    }
+
+    /// Finds the frames of each case, and shows them all as the first: at one exposure, with one scale of errors.
+    fn join_frames(&mut self) {
+        let mut first = 0;
+        while first < self.cases.len() {
+            let end = (first + 1..self.cases.len()).find(|i| !self.cases[*i].is_other).unwrap_or(self.cases.len());
+            let film = &mut self.cases[first..end];
+            let error_high = film.iter().map(|case| case.error_high).fold(0.0, f64::max);
+            let (exposure, rms) = (film[0].exposure, film[0].rms);
+            for case in film.iter_mut() {
+                (case.exposure, case.rms, case.error_high) = (exposure, rms, error_high);
+            }
+            if film.len() > 1 {
+                let mut order: Vec<usize> = (first..end).collect();
+                order.sort_by_key(|i| self.cases[*i].frame);
+                self.cases[first].frames = order;
+            }
+            first = end;
         }
     }
 
@@ -129,6 +175,7 @@ impl Pictures {
         self.cases.iter().map(of_case).sum()
     }
 
+    /// Pictures of candidates, one a frame.
     pub fn count(&self) -> usize {
         self.cases.iter().map(|c| c.candidates.len()).sum()
     }
@@ -176,6 +223,9 @@ impl Case {
         (!candidates.is_empty()).then(|| Self {
             scene: wanted.scene.to_owned(),
             lights: wanted.lights.to_owned(),
+            frame: wanted.frame,
+            is_other: wanted.is_other,
+            frames: Vec::new(),
             width: size.0,
             height: size.1,
             full,

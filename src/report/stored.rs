@@ -1,4 +1,5 @@
 use std::collections::BTreeMap;
+use std::fmt::Write;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -32,6 +33,11 @@ pub struct RunFiles {
     pub has_log: bool,
     pub has_configuration: bool,
     pub has_image: bool,
+    /// Other frames of its animation of which there are images.
+    pub frames: Vec<usize>,
+    /// Of volumes: whether there is a cut through it, and what that shows.
+    pub has_section: bool,
+    pub structure: Option<Structure>,
     /// The last lines of the log of a run that failed.
     pub last_words: String,
     /// How long the run took, seconds.
@@ -57,10 +63,11 @@ impl Stored {
                 names.push((run.to_owned(), row.text("status") == "failed", row.number("setup_us")));
             }
         }
+        let frames = frames_of(&folder.join("images"));
         let runs = names
             .into_par_iter()
             .map(|(run, failed, setup)| {
-                let files = RunFiles::read(folder, &run, failed, setup);
+                let files = RunFiles::read(folder, &run, failed, setup, frames.get(&run).map_or(&[], Vec::as_slice));
                 (run, files)
             })
             .collect();
@@ -85,6 +92,14 @@ impl Stored {
         self.table.rows().filter(|r| r.text("run").is_empty() || seen.insert(r.text("run"))).collect()
     }
 
+    /// The frame of which a run's image is, where it is of an animation.
+    pub fn picture_frame(&self, run: &str) -> Option<usize> {
+        let frames = self.table.rows().filter(|r| r.text("run") == run).filter_map(|r| r.text("frame").parse().ok());
+        let last: usize = frames.max()?;
+        let chosen = self.document.pointer("/picture_frame").and_then(Value::as_u64).map(|frame| frame as usize);
+        Some(chosen.unwrap_or((last + 1) / 2).min(last))
+    }
+
     /// The command that makes one run again: the sweep's, with a filter on every axis of the row.
     pub fn command(&self, row: &Row) -> String {
         let mut command = match self.text("/provenance/command") {
@@ -102,8 +117,66 @@ impl Stored {
     }
 }
 
+/// The structure of a volume in a plane, as paths of an SVG of which the longer side is 1000.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Structure {
+    pub width: u32,
+    pub height: u32,
+    /// By kind: cell, wall, sample, inside.
+    pub paths: BTreeMap<String, String>,
+    pub samples: usize,
+}
+
+/// Cells, walls and samples in a cut from which no picture is made any more.
+const MOST_ITEMS: usize = 8000;
+
+impl Structure {
+    /// From the cut that a run left; nothing where it is empty or too fine to be seen.
+    fn of(cut: &Table) -> Option<Self> {
+        let items: Vec<(&str, [f64; 4])> = cut
+            .rows()
+            .filter_map(|r| {
+                let [a, b, c, d] = ["u0", "v0", "u1", "v1"].map(|column| r.number(column));
+                Some((r.text("kind"), [a?, b?, c?, d?]))
+            })
+            .collect();
+        if items.is_empty() || items.len() > MOST_ITEMS {
+            return None;
+        }
+        let bound = |axis: usize, pick: fn(f64, f64) -> f64, start: f64| {
+            items.iter().flat_map(|(_, p)| [p[axis], p[axis + 2]]).fold(start, pick)
+        };
+        let low = [0, 1].map(|axis| bound(axis, f64::min, f64::INFINITY));
+        let high = [0, 1].map(|axis| bound(axis, f64::max, f64::NEG_INFINITY));
+        let extent = [high[0] - low[0], high[1] - low[1]];
+        // long rooms lie down
+        let turned = extent[1] > extent[0];
+        let scale = 1000.0 / extent[0].max(extent[1]).max(1e-9);
+        let at = |u: f64, v: f64| {
+            let [u, v] = [(u - low[0]) * scale, (v - low[1]) * scale].map(|x| x.round() as i64);
+            if turned { (v, u) } else { (u, v) }
+        };
+        let mut paths: BTreeMap<String, String> = BTreeMap::new();
+        for (kind, [a, b, c, d]) in &items {
+            let ((x, y), (to_x, to_y)) = (at(*a, *b), at(*c, *d));
+            let path = paths.entry((*kind).to_owned()).or_default();
+            let _ = match *kind {
+                "cell" => write!(path, "M{x} {y}H{to_x}V{to_y}H{x}Z"),
+                "wall" => write!(path, "M{x} {y}L{to_x} {to_y}"),
+                // a dot is a line without length and with round ends
+                _ => write!(path, "M{x} {y}h0"),
+            };
+        }
+        let [width, height] = extent.map(|side| (side * scale).round() as u32);
+        let [width, height] = if turned { [height, width] } else { [width, height] };
+        let samples = items.iter().filter(|(kind, _)| !["cell", "wall"].contains(kind)).count();
+        Some(Self { width, height, paths, samples })
+    }
+}
+
 impl RunFiles {
-    fn read(folder: &Path, run: &str, failed: bool, setup: Option<f64>) -> Self {
+    fn read(folder: &Path, run: &str, failed: bool, setup: Option<f64>, frames: &[usize]) -> Self {
+        let section = Table::read(&folder.join("volumes").join(format!("{run}.csv"))).ok();
         let own = folder.join("runs").join(run);
         let log = own.join("log.txt");
         let status = read_json(&own.join("status.json"));
@@ -119,11 +192,28 @@ impl RunFiles {
             has_log: log.exists(),
             has_configuration: own.join("config.json").exists(),
             has_image: folder.join("images").join(format!("{run}.exr")).exists(),
+            frames: frames.to_vec(),
+            has_section: section.is_some(),
+            structure: section.and_then(|cut| Structure::of(&cut)),
             last_words,
             seconds: status["seconds"].as_f64(),
             times: setup.and_then(|setup| times(&own.join("timings"), setup)),
         }
     }
+}
+
+/// The frames of which there are images beside the run's own, by run: `RUN.f07.exr`.
+fn frames_of(images: &Path) -> BTreeMap<String, Vec<usize>> {
+    let mut frames: BTreeMap<String, Vec<usize>> = BTreeMap::new();
+    for entry in std::fs::read_dir(images).into_iter().flatten().flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let parts = name.strip_suffix(".exr").and_then(|name| name.split_once(".f"));
+        if let Some((run, Ok(frame))) = parts.map(|(run, frame)| (run, frame.parse())) {
+            frames.entry(run.to_owned()).or_default().push(frame);
+        }
+    }
+    frames.values_mut().for_each(|frames| frames.sort_unstable());
+    frames
 }
 
 /// Of the times that were taken on several machines those that the row's median comes from.

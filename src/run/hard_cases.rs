@@ -5,12 +5,13 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use serde_json::{Map, Value, json};
 
 use super::progress::Progress;
+use super::results::{command_of, relative_path};
 use super::{Claim, Store, StoreError, interrupt, write_atomic};
 use crate::candidate::GpuBench;
 use crate::cost::{processor_name, software_versions};
 use crate::experiment::{ALGORITHMS, Algorithms, Identity, Key};
 use crate::gpu::{AdapterKind, Gpu};
-use crate::stability::{Bound, COLUMNS, Curve, CurveId, Family, HardCases, Measured, curves};
+use crate::stability::{COLUMNS, Curve, CurveId, Family, HardCases, Measured, curves};
 
 /// A curve of a plan.
 pub struct PlannedCurve<'c> {
@@ -232,13 +233,15 @@ pub fn write(cases: &HardCases, run: &HardRun, store: &Store) -> Result<(), Stor
         "experiment": cases.name,
         "title": cases.title,
         "kind": "stability",
+        "experiment_file": relative_path(&cases.path, store.root()),
+        "changes": cases.changes,
         "families": cases.families.iter().map(|f| json!({ "name": f.name, "title": f.title, "parameter": f.parameter })).collect::<Vec<_>>(),
         "provenance": {
             "versions": software_versions(),
             "processor": processor_name(),
             "adapter": run.adapter.as_ref().and_then(|a| a.as_ref().ok()),
             "no_adapter": run.adapter.as_ref().and_then(|a| a.as_ref().err()),
-            "command": format!("rigbench run {}", cases.path.display()),
+            "command": command_of(&cases.path, &cases.changes),
         },
         "columns": described,
         "rows": rows,
@@ -246,72 +249,4 @@ pub fn write(cases: &HardCases, run: &HardRun, store: &Store) -> Result<(), Stor
     let mut bytes = serde_json::to_vec_pretty(&document).expect("results are plain JSON");
     bytes.push(b'\n');
     write_atomic(&store.root().join("results.json"), &bytes)
-}
-
-/// A curve under a threshold.
-#[derive(Clone, Debug, PartialEq)]
-pub struct HeldCurve {
-    pub label: String,
-    pub line: usize,
-    pub metric: String,
-    /// The largest value over the parameter, and where; absent where the curve failed or lacks the metric.
-    pub worst: Option<(f64, f64)>,
-    pub max: Option<f64>,
-    pub reaches: Option<f64>,
-}
-
-impl HeldCurve {
-    pub fn holds(&self) -> bool {
-        self.worst.is_some_and(|(value, _)| {
-            self.max.is_none_or(|max| value <= max) && self.reaches.is_none_or(|least| value >= least)
-        })
-    }
-}
-
-/// Every curve under every threshold. A curve that was skipped for want of a GPU is not asked; one that failed does not hold; and one
-/// without the metric (a model without a naive form, a light without an independent route) is not asked, as long as another of the
-/// threshold's curves has it.
-pub fn held(bounds: &[Bound], run: &HardRun) -> Vec<HeldCurve> {
-    let mut all = Vec::new();
-    for bound in bounds {
-        let mut of_bound = Vec::new();
-        let (mut asked, mut answered) = (0, 0);
-        for curve in run.curves.iter().filter(|curve| bound.matches(curve.family, &curve.id)) {
-            let points = match &curve.ending {
-                CurveEnding::Skipped(_) | CurveEnding::Open => continue,
-                CurveEnding::Failed(_) => None,
-                CurveEnding::Ok(points) => Some(points),
-            };
-            asked += 1;
-            let worst = points.and_then(|points| {
-                let values = points.iter().filter_map(|p| Some((p.column(&bound.metric)?, p.t)));
-                values.max_by(|a, b| a.0.total_cmp(&b.0))
-            });
-            answered += usize::from(worst.is_some());
-            if worst.is_none() && points.is_some() {
-                continue;
-            }
-            let words = ["family", "model", "order", "backend"].map(|c| HardCases::column(curve.family, &curve.id, c));
-            of_bound.push(HeldCurve {
-                label: words.into_iter().filter(|w| !w.is_empty()).collect::<Vec<_>>().join(" "),
-                line: bound.line,
-                metric: bound.metric.clone(),
-                worst,
-                max: bound.max,
-                reaches: bound.reaches,
-            });
-        }
-        if asked > 0 && answered == 0 && of_bound.is_empty() {
-            of_bound.push(HeldCurve {
-                label: "no curve has this metric".to_owned(),
-                line: bound.line,
-                metric: bound.metric.clone(),
-                worst: None,
-                max: bound.max,
-                reaches: bound.reaches,
-            });
-        }
-        all.extend(of_bound);
-    }
-    all
 }

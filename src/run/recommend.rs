@@ -591,7 +591,9 @@ pub fn measured_frames(
     let mut sums = vec![(0.0, 0.0); rigs.len()];
     for place in places {
         let settings = TimingSettings { warmup: 1, repeat: 7 };
-        let timed = super::timing::time_block(&place.block, &recipes, settings, None, gpu, 1, &|| false, &mut || {});
+        let (once, goes_on) = (|_| 1, || false);
+        let timed =
+            super::timing::time_block(&place.block, &recipes, settings, None, gpu, 1, &once, &goes_on, &mut || {});
         for (sum, times) in sums.iter_mut().zip(timed.expect("nothing interrupts it")) {
             let times = times?;
             let points: f64 = place.block.parts.iter().map(|part| part.vertices as f64).sum();

@@ -168,10 +168,11 @@ pub fn write(experiment: &Experiment, sweep: &Sweep, store: &Store) -> Result<()
             "no_adapter": no_adapter,
             "driver": sweep.driver,
             "threads": rayon::current_num_threads(),
-            "command": command_of(experiment),
+            "command": command_of(&experiment.path, &experiment.changes),
         },
         "experiment_file": relative_path(&experiment.path, store.root()),
         "changes": experiment.changes,
+        "picture_frame": experiment.image.frame,
         "effects": effects,
         "claims": experiment.claims.iter().map(|c| json!({ "name": c.name, "says": c.says })).collect::<Vec<_>>(),
         "columns": COLUMNS.iter().map(|c| json!({ "name": c.name, "unit": c.unit, "description": c.description })).collect::<Vec<_>>(),
@@ -182,10 +183,10 @@ pub fn write(experiment: &Experiment, sweep: &Sweep, store: &Store) -> Result<()
     write_atomic(&store.root().join("results.json"), &bytes)
 }
 
-/// The command that runs the experiment as it was run, for a shell; filters left out.
-fn command_of(experiment: &Experiment) -> String {
-    let mut command = format!("rigbench run {}", shell_word(&experiment.path.display().to_string()));
-    for change in &experiment.changes {
+/// The command that runs an experiment as it was run, for a shell; filters left out.
+pub(super) fn command_of(path: &Path, changes: &[String]) -> String {
+    let mut command = format!("rigbench run {}", shell_word(&path.display().to_string()));
+    for change in changes {
         command += &format!(" --set {}", shell_word(change));
     }
     command
@@ -209,7 +210,7 @@ pub fn command(folder: &Path) -> String {
 }
 
 /// A path as seen from a folder, so that a project can be moved as a whole; the whole path where one of them is not there.
-fn relative_path(path: &Path, from: &Path) -> PathBuf {
+pub(super) fn relative_path(path: &Path, from: &Path) -> PathBuf {
     let (Ok(path), Ok(from)) = (path.canonicalize(), from.canonicalize()) else { return path.to_owned() };
     let shared = path.components().zip(from.components()).take_while(|(a, b)| a == b).count();
     let up = from.components().skip(shared).map(|_| Path::new(".."));

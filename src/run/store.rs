@@ -22,6 +22,7 @@ use crate::experiment::{Identity, Key, TimingIdentity};
 /// runs/RUN/flip_hdr.json    HDR FLIP, where it was measured
 /// runs/RUN/timings/T.json   times by machine, adapter and driver
 /// images/RUN.exr
+/// images/RUN.f07.exr        of animations: other frames
 /// bakes/KEY.samples         samples of volumes, while a sweep goes on (BakeLog)
 /// ```
 ///
@@ -232,6 +233,11 @@ impl Store {
     /// Where a run's image lies, if it was kept.
     pub fn image(&self, key: &Key) -> PathBuf {
         self.root.join("images").join(format!("{}.exr", key.run()))
+    }
+
+    /// Where the image of another frame of a run's animation lies.
+    pub fn frame_image(&self, key: &Key, frame: usize) -> PathBuf {
+        self.root.join("images").join(format!("{}.f{frame:02}.exr", key.run()))
     }
 
     /// The lock under which the files of the whole experiment (results.csv, figures) are written.
@@ -478,9 +484,15 @@ impl Store {
         write_atomic(&self.folder(key).join("flip_hdr.json"), &pretty(&Sealed::new(*key, Value::from(value))))
     }
 
-    /// Removes a run's image.
+    /// Removes a run's images.
     pub fn drop_image(&self, key: &Key) -> Result<(), StoreError> {
         disk::remove(&self.folder(key).join("image.json"))?;
+        let of_frames = format!("{}.f", key.run());
+        for entry in std::fs::read_dir(self.root.join("images")).into_iter().flatten().flatten() {
+            if entry.file_name().to_string_lossy().starts_with(&of_frames) {
+                disk::remove(&entry.path())?;
+            }
+        }
         disk::remove(&self.image(key))
     }
 }

@@ -9,12 +9,13 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::bakery::Bakery;
-use super::block::{Block, BlockRequest, Film, Findings, Sampling};
+use super::block::{Block, BlockRequest, Film, Findings, Sampling, View};
 use super::crew::{Crew, CrewOptions};
 use super::progress::Progress;
 use super::slurm::SlurmOptions;
 use super::timing::{Times, time_block};
 use super::walk::{self, csv_text};
+use super::worker::planted_laps;
 use super::{ArrayCache, Claim, Reason, Record, Store, StoreError, interrupt, write_atomic};
 use crate::candidate::{Arithmetic, GpuBench, Probes, Recipe};
 use crate::cost::pareto::front;
@@ -541,7 +542,7 @@ impl Stage {
         Transport::new(&self.tracer, lights, self.effects)
     }
 
-    /// All frames, with what their candidates share.
+    /// All frames, with what their candidates share, and a picture of one.
     fn film(
         &self,
         experiment: &Experiment,
@@ -551,13 +552,26 @@ impl Stage {
         wanted: Wanted,
         cache: &ArrayCache,
     ) -> Film {
+        let of_frame = picture_frame(experiment, candidate.scene.frames);
+        self.film_of(experiment, candidate, orders, &|frame| picture.filter(|_| frame == of_frame), wanted, cache)
+    }
+
+    /// As [`Stage::film`], with pictures of any frames, in their sizes.
+    fn film_of(
+        &self,
+        experiment: &Experiment,
+        candidate: &Candidate,
+        orders: Vec<usize>,
+        picture: &dyn Fn(usize) -> Option<(usize, usize)>,
+        wanted: Wanted,
+        cache: &ArrayCache,
+    ) -> Film {
         let scene = &candidate.scene;
-        let picture_frame = picture_frame(experiment, scene.frames);
         let frames = (0..scene.frames)
             .map(|frame| {
                 let lights = candidate.lights.at(frame, scene.frames);
                 let transport = self.is_sampled().then(|| self.transport(&lights));
-                let image = picture.filter(|_| frame == picture_frame);
+                let image = picture(frame);
                 // exact references of random layouts are computed faster than they are kept
                 let keep = wanted.reference && (self.is_sampled() || candidate.lights.instance.index.is_none());
                 let part = json!({ "frame": frame });
@@ -583,6 +597,22 @@ impl Stage {
             .collect();
         Film { frames }
     }
+}
+
+/// Most frames of an animation of which pictures are kept.
+const STRIP: usize = 7;
+
+/// The frames of an animation of which pictures are kept beside the one of [`picture_frame`]: evenly spread, the first and the last among
+/// them. None where references are sampled: a noisy picture of every frame costs more than all else.
+fn strip(experiment: &Experiment, candidate: &Candidate) -> Vec<usize> {
+    let frames = candidate.scene.frames;
+    if frames < 2 || reference_is(experiment, candidate).0 {
+        return Vec::new();
+    }
+    let count = STRIP.min(frames);
+    let mut strip: Vec<usize> = (0..count).map(|i| i * (frames - 1) / (count - 1)).collect();
+    strip.retain(|frame| *frame != picture_frame(experiment, frames));
+    strip
 }
 
 /// The frame of which pictures are taken.
@@ -884,6 +914,7 @@ pub(super) fn time(
         transport.as_ref(),
         work.bench,
         experiment.seed,
+        &|i| planted_laps(&runs[block[i]].candidate.label()),
         &interrupt::interrupted,
         step,
     );
@@ -957,7 +988,12 @@ fn images(
     for run in runs.iter_mut().filter(|run| !run.fronts.is_empty()) {
         run.flip_hdr = store.flip_hdr(&run.identity.key());
     }
-    let is_done = |run: &Run| store.has_image(&run.identity.key()) && (run.fronts.is_empty() || run.flip_hdr.is_some());
+    let is_done = |run: &Run| {
+        let key = run.identity.key();
+        store.has_image(&key)
+            && (run.fronts.is_empty() || run.flip_hdr.is_some())
+            && strip(experiment, &run.candidate).iter().all(|frame| store.frame_image(&key, *frame).exists())
+    };
     let wanted: Vec<Vec<usize>> = blocks(runs)
         .into_iter()
         .map(|block| block.into_iter().filter(|i| keep[*i] && !is_done(&runs[*i])).collect::<Vec<_>>())
@@ -993,9 +1029,12 @@ pub(super) fn picture(work: &Workshop, runs: &[Run], block: &[usize]) -> Result<
     let size = (experiment.image.width as usize, experiment.image.height as usize);
     let first = &runs[block[0]].candidate;
     let stage = Stage::new(experiment, first);
+    let mut strip = strip(experiment, first);
+    let frame = picture_frame(experiment, first.scene.frames);
+    strip.push(frame);
     let wanted = Wanted { reference: true, walks: false };
-    let film = stage.film(experiment, first, Vec::new(), Some(size), wanted, work.cache);
-    let frame = picture_frame(experiment, film.frames.len());
+    let pictured = |frame: usize| strip.contains(&frame).then_some(size);
+    let film = stage.film_of(experiment, first, Vec::new(), &pictured, wanted, work.cache);
     let Some(view) = &film.frames[frame].view else { return Ok(Vec::new()) };
     let reference = view.picture(&view.reference);
     let transports = stage.transports(&film);
@@ -1009,16 +1048,20 @@ pub(super) fn picture(work: &Workshop, runs: &[Run], block: &[usize]) -> Result<
         let cast = film
             .cast(recipe, run.candidate.freeze_frame(), &transports, work.bench)
             .map_err(|error| error.to_string())?;
-        let irradiance: Vec<Rgb<f64>> = view.irradiance(cast.frame(frame)).map_err(|error| error.to_string())?;
         let key = run.identity.key();
-        let image = LayeredImage::of_run(
-            &view.layer(&irradiance),
-            &view.layer(&view.reference),
-            Some(&view.albedo()),
-            &key.run(),
-            &serde_json::to_string(&run.identity.configuration).expect("a configuration is plain JSON"),
-        );
-        let bytes = image.to_bytes().map_err(|error| error.to_string())?;
+        let configuration = serde_json::to_string(&run.identity.configuration).expect("a configuration is plain JSON");
+        let image_of = |frame: usize, view: &View| -> Result<(Vec<Rgb<f64>>, Vec<u8>), String> {
+            let irradiance: Vec<Rgb<f64>> = view.irradiance(cast.frame(frame)).map_err(|error| error.to_string())?;
+            let (own, truth) = (view.layer(&irradiance), view.layer(&view.reference));
+            let image = LayeredImage::of_run(&own, &truth, Some(&view.albedo()), &key.run(), &configuration);
+            Ok((irradiance, image.to_bytes().map_err(|error| error.to_string())?))
+        };
+        for other in strip.iter().filter(|other| **other != frame) {
+            let Some(view) = &film.frames[*other].view else { continue };
+            let (_, bytes) = image_of(*other, view)?;
+            write_atomic(&store.frame_image(&key, *other), &bytes).map_err(|error| error.to_string())?;
+        }
+        let (irradiance, bytes) = image_of(frame, view)?;
         store.keep_image(&key, &bytes).map_err(|error| error.to_string())?;
         keep_samples(run, recipe, &film.frames[frame], frame, size, store).map_err(|error| error.to_string())?;
         if run.fronts.is_empty() {

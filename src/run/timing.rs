@@ -30,6 +30,7 @@ impl Times {
 }
 
 /// Times the candidates of one block. `interrupted` is asked between pieces; an interrupted block gives nothing and is timed again.
+/// `laps`: how often a candidate sets up for one sample; more than once only where a test slows it.
 pub fn time_block(
     block: &Block,
     recipes: &[Recipe],
@@ -37,6 +38,7 @@ pub fn time_block(
     transport: Option<&Transport>,
     gpu: Option<&GpuBench>,
     seed: u64,
+    laps: &dyn Fn(usize) -> usize,
     interrupted: &dyn Fn() -> bool,
     step: &mut dyn FnMut(),
 ) -> Option<Vec<Result<Times, CandidateError>>> {
@@ -57,7 +59,7 @@ pub fn time_block(
                 return None;
             }
             if let Ok(running) = &mut timed[index]
-                && let Err(error) = running.round(round, settings.warmup as usize)
+                && let Err(error) = running.round(round, settings.warmup as usize, laps(index))
             {
                 timed[index] = Err(error);
             }
@@ -100,13 +102,15 @@ impl<'a> Running<'a> {
         Ok(Self { parts, setup_us: Vec::new(), once_is_shared: recipe.volume.is_some(), repeat })
     }
 
-    fn round(&mut self, round: usize, warmup: usize) -> Result<(), CandidateError> {
+    fn round(&mut self, round: usize, warmup: usize, laps: usize) -> Result<(), CandidateError> {
         if round >= warmup + self.repeat {
             return Ok(());
         }
         let mut setup = 0.0;
         for part in &mut self.parts {
-            setup += part.setup()?;
+            for _ in 0..laps {
+                setup += part.setup()?;
+            }
             part.evaluate()?;
             if round < warmup {
                 part.forget();

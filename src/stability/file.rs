@@ -11,7 +11,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::expression::Expression;
 use super::measure::{COLUMNS, CurveId};
-use crate::experiment::{AxisValue, AxisValues, Document, Override, take_table};
+use crate::experiment::{AxisValue, AxisValues, CheckSettings, Document, Override, take_table};
 use crate::input::{Finite, Finite3, InputError, Source, Spanned};
 use crate::light::{Light, LightFile};
 use crate::rig::{AnyRig, RigFile};
@@ -37,6 +37,10 @@ pub struct HardCases {
     pub gpu: bool,
     pub families: Vec<Family>,
     pub bounds: Vec<Bound>,
+    /// What `rigbench check` forgives.
+    pub check: CheckSettings,
+    /// What the command line changed, as it was written there.
+    pub changes: Vec<String>,
 }
 
 /// Cases that approach a singularity by a parameter.
@@ -111,6 +115,13 @@ struct FileHead {
     matrix: MatrixFile,
     #[serde(default)]
     threshold: Vec<Spanned<BoundFile>>,
+    check: Option<CheckFile>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CheckFile {
+    error: Option<Spanned<Finite>>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -194,6 +205,8 @@ impl<'de> Deserialize<'de> for NoPath {
     }
 }
 
+const FORGIVEN: &str = "factor by which a rounding error may grow against the baseline";
+
 /// The most values of a parameter, and the most lights and places of a case.
 const MOST: usize = 1000;
 
@@ -205,7 +218,8 @@ impl HardCases {
     /// With changes of the command line.
     pub fn load_with(path: &Path, changes: &[Override]) -> Result<Self, InputError> {
         let document = Document::read(path, changes)?;
-        document.with_tree(|mut tree, source| read(&mut tree, source))
+        let cases = document.with_tree(|mut tree, source| read(&mut tree, source))?;
+        Ok(Self { changes: changes.iter().map(|change| change.text().to_owned()).collect(), ..cases })
     }
 
     pub fn results_folder(&self) -> PathBuf {
@@ -244,8 +258,8 @@ impl HardCases {
     /// The JSON schema of the file.
     pub fn schema() -> serde_json::Value {
         use crate::input::schema::{
-            described, document, either, exactly, list, named, number, one_key, optional, required, some, table, text,
-            whole, word,
+            above, default, described, document, either, exactly, list, named, number, one_key, optional, required,
+            some, table, text, whole, word,
         };
         let formula = || either([number(), described(text(), "an expression of the parameter: \"=1 + t\"")]);
         let vector = || exactly(3, formula());
@@ -297,6 +311,7 @@ impl HardCases {
                 optional("rig", named(rig())),
                 required("family", some(family)),
                 optional("threshold", list(threshold)),
+                optional("check", table([optional("error", default(described(above(1.0), FORGIVEN), 4.0))])),
             ]),
         )
     }
@@ -386,7 +401,16 @@ fn read(tree: &mut Spanned<DeTable<'_>>, source: &Source) -> Result<HardCases, I
         gpu: backends[1],
         families: read_families,
         bounds: Vec::new(),
+        check: CheckSettings::default(),
+        changes: Vec::new(),
     };
+    if let Some(error) = head.check.and_then(|check| check.error) {
+        cases.check.error = error.get_ref().0;
+        if cases.check.error <= 1.0 {
+            let message = format!("error {}: a factor above 1, for example 4", cases.check.error);
+            return Err(source.error(error.span(), message));
+        }
+    }
     cases.bounds = head.threshold.iter().map(|bound| read_bound(bound, &cases, source)).collect::<Result<_, _>>()?;
     Ok(cases)
 }
@@ -638,5 +662,10 @@ fn read_bound(file: &Spanned<BoundFile>, cases: &HardCases, source: &Source) -> 
 impl Bound {
     pub fn matches(&self, family: &Family, id: &CurveId) -> bool {
         self.wanted.iter().all(|(column, words)| words.contains(&HardCases::column(family, id, column)))
+    }
+
+    /// As [`Bound::matches`], of a row of results.
+    pub fn selects<'r>(&self, column: impl Fn(&str) -> &'r str) -> bool {
+        self.wanted.iter().all(|(name, words)| words.iter().any(|word| word == column(name)))
     }
 }

@@ -11,7 +11,7 @@ use rigbench::run::{Claim, Findings, Scores, Store, recipe_of};
 use rigbench::sh::Lobe;
 use serde_json::Value;
 
-use super::{RUNS, project, results, rigbench_does};
+use super::{RUNS, done, project, results, rigbench, rigbench_does};
 
 const THRESHOLDS: &str = "[[threshold]]\nwhere = { rig = \"direct\" }\nmetric = \"nrmse\"\nmax = 1e-5\n\
      [[threshold]]\nwhere = { rig = [\"gradient\", \"lattice\"] }\nmetric = \"interpolation_nrmse\"\nper = { rig = \"constant\" }\nmax = 0.9\n";
@@ -59,6 +59,39 @@ fn sabotaged(folder: &Path, rig: &str, sabotage: impl Fn(Rgb<f64>, Rgb<f64>) -> 
 
 fn check(folder: &Path, more: &[&str]) -> (i32, String, String) {
     rigbench_does(folder, &[&["check", "results/small"][..], more].concat())
+}
+
+/// Elements of an XML document by name; a document that is not well formed fails.
+fn xml(text: &str) -> std::collections::HashMap<String, usize> {
+    use quick_xml::events::Event;
+    let mut reader = quick_xml::Reader::from_str(text);
+    reader.config_mut().check_end_names = true;
+    let (mut counted, mut open) = (std::collections::HashMap::new(), Vec::new());
+    loop {
+        let event = reader.read_event().unwrap_or_else(|why| panic!("{why} at {}: {text}", reader.buffer_position()));
+        let mut count = |name: &[u8]| *counted.entry(String::from_utf8_lossy(name).into_owned()).or_default() += 1;
+        match event {
+            Event::Start(element) => {
+                count(element.name().as_ref());
+                element
+                    .attributes()
+                    .for_each(|a| drop(a.unwrap().normalized_value(quick_xml::XmlVersion::Explicit1_0).unwrap()));
+                open.push(element.name().as_ref().to_vec());
+            }
+            Event::Empty(element) => {
+                count(element.name().as_ref());
+                element
+                    .attributes()
+                    .for_each(|a| drop(a.unwrap().normalized_value(quick_xml::XmlVersion::Explicit1_0).unwrap()));
+            }
+            Event::End(element) => assert_eq!(open.pop().as_deref(), Some(element.name().as_ref())),
+            Event::Text(text) => drop(text.decode().unwrap()),
+            Event::Eof => break,
+            _ => {}
+        }
+    }
+    assert!(open.is_empty(), "{text}");
+    counted
 }
 
 /// A project that was run and accepted.
@@ -115,7 +148,10 @@ fn sabotaged_runs_fail_and_accepting_takes_over_what_failed_alone() {
     let failed = json["checks"].as_array().unwrap().iter().filter(|c| c["verdict"] == "failed").count();
     assert_eq!(json["failed"], failed);
     let (_, junit, _) = check(at, &["--format", "junit"]);
-    assert!(junit.contains("<testsuite name=\"quality\"") && junit.matches("<failure").count() == failed, "{junit}");
+    let counted = xml(&junit);
+    assert_eq!((counted["failure"], counted["testsuites"]), (failed, 1), "{junit}");
+    assert_eq!(counted["testcase"], json["checks"].as_array().unwrap().len(), "{junit}");
+    assert!(junit.contains("<testsuite name=\"quality\""), "{junit}");
     let (_, github, _) = check(at, &["--format", "github"]);
     assert_eq!(github.lines().filter(|line| line.starts_with("::error file=")).count(), failed, "{github}");
 
@@ -290,4 +326,192 @@ fn comparisons_tell_significant_changes_and_refuse_times_of_other_machines() {
     change(&|rows| rows[1]["times"]["on"]["machine"] = "another".into());
     let other = compare(&["--all"]);
     assert!(other.contains("note: times are not compared") && other.contains("timed on another machine"), "{other}");
+}
+
+/// An experiment of hard cases, run and accepted.
+fn hard_cases() -> tempfile::TempDir {
+    let folder = project("");
+    let at = folder.path();
+    let light = "{ sphere = { center = [0, \"=1 + t\", 0], radius = 1, radiance = [1, 0.5, 0.25] } }";
+    std::fs::write(
+        at.join("experiments/hard.toml"),
+        format!(
+            "schema_version = 1\nname = \"hard\"\nkind = \"stability\"\n[matrix]\nrig = [\"direct\", \"constant\", \"gradient\"]\norder = [3]\n\
+             backend = [\"cpu\"]\n[rig.constant]\nconstant = {{}}\n[rig.gradient]\ngradient = {{}}\n[[family]]\nname = \"touches\"\n\
+             parameter = {{ name = \"gap\", from = 1.0, to = 1e-6, steps = 5 }}\nbox = {{ half = [0.5, 0.25, 0.5] }}\n\
+             point = [{{ position = [0, 0, 0] }}]\nlight = [{light}]\n\
+             [[threshold]]\nmetric = \"non_finite\"\nmax = 0\n[[threshold]]\nwhere = {{ model = \"constant\" }}\nmetric = \"error\"\nmax = 1e-5\n"
+        ),
+    )
+    .unwrap();
+    let (exit, _, log) = rigbench_does(at, &["run", "experiments/hard.toml", "--no-figures", "--no-report"]);
+    assert_eq!(exit, 0, "{log}");
+    let (exit, out, log) = rigbench_does(at, &["check", "results/hard"]);
+    assert_eq!(exit, 102, "{out}{log}");
+    let (exit, _, log) = rigbench_does(at, &["check", "results/hard", "--accept", "--reason", "the first"]);
+    assert_eq!(exit, 0, "{log}");
+    folder
+}
+
+#[test]
+fn hard_cases_are_held_by_thresholds_and_a_baseline_and_compared() {
+    let folder = hard_cases();
+    let at = folder.path();
+    let path = at.join("results/hard/results.json");
+    let whole = std::fs::read_to_string(&path).unwrap();
+    let check = |edit: &dyn Fn(&mut Vec<Value>)| {
+        let mut document: Value = serde_json::from_str(&whole).unwrap();
+        edit(document["rows"].as_array_mut().unwrap());
+        std::fs::write(&path, document.to_string()).unwrap();
+        let (exit, out, log) = rigbench_does(at, &["check", "results/hard"]);
+        assert!(log.is_empty(), "{log}");
+        (exit, out)
+    };
+    // rows of a model, scaled
+    let scale = |rows: &mut Vec<Value>, model: &str, column: &str, factor: f64| {
+        for row in rows.iter_mut().filter(|row| row["model"] == model) {
+            row[column] = (row[column].as_f64().unwrap() * factor).into();
+        }
+    };
+    let (exit, out) = check(&|_| {});
+    assert_eq!(exit, 0, "{out}");
+    assert!(out.contains("holds: threshold of line 21: error") && out.contains("quality: f64_error"), "{out}");
+    assert!(out.contains("touches constant order=3 cpu: at gap = "), "a curve says where it is worst: {out}");
+    // rounding errors of another size fail, of another digit do not
+    let set = |rows: &mut Vec<Value>, error: f64| {
+        rows.iter_mut().filter(|row| row["model"] == "gradient").for_each(|row| row["error"] = error.into());
+    };
+    assert_eq!(check(&|rows| set(rows, 1.5e-6)).0, 0);
+    let (exit, out) = check(&|rows| set(rows, 4e-3));
+    assert_eq!(exit, 101, "{out}");
+    let failed: Vec<&str> = out.lines().filter(|line| line.starts_with("FAILED")).collect();
+    assert!(failed.len() == 2 && failed.iter().all(|line| line.contains("touches gradient")), "{out}");
+    assert!(failed[0].contains("it would pass with [check] error ="), "{out}");
+    // the values themselves: one per cent
+    let (exit, out) = check(&|rows| scale(rows, "direct", "largest", 1.01));
+    assert_eq!(exit, 101, "{out}");
+    assert!(out.contains("FAILED: quality: largest") && out.contains("touches direct"), "{out}");
+    // a threshold, whatever the baseline says
+    let (exit, out) = check(&|rows| rows[7]["error"] = 2e-5.into());
+    assert_eq!(exit, 101, "{out}");
+    assert!(out.contains("FAILED: threshold of line 21: error") && out.contains("it would pass with max ="), "{out}");
+    let (exit, out) = check(&|rows| rows[7]["non_finite"] = 2.into());
+    assert!(exit == 101 && out.contains("FAILED: threshold of line 18: non_finite"), "{out}");
+    // gone, failed, empty, new
+    let (exit, out) = check(&|rows| rows.retain(|row| row["model"] != "direct"));
+    assert!(exit == 101 && out.contains("in the baseline, not in the results"), "{out}");
+    assert_eq!(check(&|rows| rows.iter_mut().for_each(|row| row["status"] = "failed".into())).0, 101);
+    assert_eq!(check(&|rows| rows.clear()).0, 101);
+    let (exit, _) = check(&|rows| rows.iter_mut().for_each(|row| row["order"] = 5.into()));
+    assert_eq!(exit, 102, "curves that are new want a baseline");
+    // two of them
+    let (_, _) = check(&|rows| set(rows, 4e-3));
+    let (exit, _, log) = rigbench_does(at, &["run", "experiments/hard.toml", "--out", "again", "--no-figures"]);
+    assert_eq!(exit, 0, "{log}");
+    let (exit, out, log) = rigbench_does(at, &["compare", "again", "results/hard"]);
+    assert_eq!(exit, 0, "{log}");
+    let worse: Vec<&str> = out.lines().filter(|line| line.contains(" worse ")).collect();
+    assert!(worse.len() == 2 && worse.iter().all(|line| line.contains("touches gradient order=3 cpu")), "{out}");
+    // results of another experiment, and a baseline of one
+    let (exit, _, log) = rigbench_does(at, &["check", "again", "--experiment", "experiments/small.toml"]);
+    assert_eq!(exit, 3, "{log}");
+    let (exit, _, log) = rigbench_does(at, &["compare", "again", "nowhere"]);
+    assert!(exit == 3 && log.contains("nowhere"), "{log}");
+}
+
+#[test]
+fn a_rig_that_sets_up_twice_as_long_is_caught_and_noise_is_not() {
+    let folder = project("");
+    let at = folder.path();
+    let path = at.join("experiments/small.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let text = text.replace("repeat = 6", "repeat = 21").replace(
+        "rig = [\"constant\", \"gradient\"], lights = \"lamp\"",
+        "rig = [\"constant\", \"gradient\", \"lattice\", \"mixed\"], lights = \"lamp\"",
+    );
+    // lights enough that a setup is longer than a clock's tick
+    let lights: String = (0..200)
+        .map(|i| {
+            let turn = f64::from(i) * 0.61803398875;
+            let [x, z] = [turn.cos() * 1.5, turn.sin() * 1.5];
+            format!("[[light]]\nname = \"{i}\"\nsphere = {{ center = [{x}, 1.6, {z}], radius = 0.1, radiance = [1, 2, 3] }}\n")
+        })
+        .collect();
+    std::fs::write(at.join("scenes/lights/lamp.toml"), format!("schema_version = 1\n{lights}")).unwrap();
+    std::fs::write(&path, text).unwrap();
+    let run = ["run", "experiments/small.toml", "--no-figures", "--no-report", "--filter", "lights=lamp"];
+    let (exit, _, log) = rigbench_does(at, &run);
+    assert_eq!(exit, 0, "{log}");
+    assert_eq!(check(at, &["--accept", "--reason", "first results"]).0, 0);
+    let again = |fault: &str, out: &str| {
+        let mut command = rigbench(at);
+        let (exit, _, log) = done(command.args(run).args(["--out", out]).env("RIGBENCH_FAULT", fault));
+        assert_eq!(exit, 0, "{log}");
+        let (exit, told, _) = rigbench_does(at, &["check", out]);
+        (exit, told.lines().filter(|line| line.contains(": cost: ")).map(str::to_owned).collect::<Vec<_>>())
+    };
+    let (exit, told) = again("", "noise");
+    assert!(exit == 0 && told.len() == 8 && told.iter().all(|line| !line.starts_with("not")), "{told:#?}");
+    let (exit, told) = again("slow:lattice", "slow");
+    assert_eq!(exit, 101, "{told:#?}");
+    for line in told {
+        let is_slow = line.contains("setup_us") && line.contains("ball lamp lattice");
+        assert_eq!(line.starts_with("FAILED"), is_slow, "{line}");
+    }
+}
+
+/// How often a rig of a block is found slower, of many blocks whose times scatter as times do.
+#[test]
+fn noise_is_rarely_a_regression_and_a_factor_of_two_nearly_always() {
+    use rigbench::experiment::CheckSettings;
+    use rigbench::gate::{Baseline, BaselineRow, Kind, Options, Stored, Thresholds, Verdict};
+    use rigbench::math::{Stream, StreamPurpose};
+    let folder = tempfile::tempdir().unwrap();
+    let (trials, rigs) = (60, 6);
+    let mut stream = Stream::indexed(29, StreamPurpose::Test, 0);
+    // log-normal about a fifth, now and then a sample that something else delayed; the whole machine drifts from run to run
+    let mut block = |slow: f64| -> Stored {
+        let drift = 0.7 + 0.8 * stream.uniform();
+        let rows: Vec<Value> = (0..rigs)
+            .map(|rig| {
+                let median = 10.0 * f64::from(rig + 1) * drift * if rig == 2 { slow } else { 1.0 };
+                let mut samples = || -> Vec<f64> {
+                    let mut sample = || {
+                        let normal = (0..12).map(|_| stream.uniform()).sum::<f64>() - 6.0;
+                        let delay = if stream.uniform() < 0.05 { 3.0 } else { 1.0 };
+                        median * (0.2 * normal).exp() * delay
+                    };
+                    (0..15).map(|_| sample()).collect()
+                };
+                serde_json::json!({
+                    "scene": "s", "lights": "a", "rig": format!("rig-{rig}"), "backend": "cpu", "status": "ok", "run": format!("{rig:012}"),
+                    "times": { "on": { "machine": "m", "adapter": null, "driver": null, "warmup": 1, "repeat": 15, "algorithms": 1 },
+                        "samples": { "setup_us": samples(), "eval_ns_per_point": samples(), "once_us": null, "timer": "wall" } },
+                })
+            })
+            .collect();
+        let document = serde_json::json!({ "experiment": "e", "experiment_file": "e.toml", "rows": rows });
+        std::fs::write(folder.path().join("results.json"), document.to_string()).unwrap();
+        Stored::read(folder.path()).unwrap()
+    };
+    let options = Options { settings: CheckSettings::default(), strict: false };
+    let mut found = |slow: f64| -> (usize, usize) {
+        let (mut right, mut wrong) = (0, 0);
+        for _ in 0..trials {
+            let before = block(1.0);
+            let mut baseline = Baseline::empty("e");
+            baseline.rows.extend(before.rows.iter().map(|row| BaselineRow::of(row, before.kind)));
+            let checks = rigbench::gate::check(&block(slow), Thresholds::OfRuns(&[]), Some(&baseline), options);
+            let costs = checks.iter().filter(|check| check.kind == Kind::Cost);
+            for check in costs.filter(|check| check.verdict == Verdict::Failed) {
+                if check.place.contains("rig-2") { right += 1 } else { wrong += 1 }
+            }
+        }
+        (right, wrong)
+    };
+    let (of_two, wrong) = found(1.0);
+    assert!(of_two + wrong <= trials * 2 * rigs as usize / 500 + 1, "false alarms: {of_two} + {wrong}");
+    let (right, wrong) = found(2.0);
+    assert!(right >= 2 * trials * 95 / 100, "{right} of {} found", 2 * trials);
+    assert!(wrong <= 2, "others are blamed: {wrong}");
 }
