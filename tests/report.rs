@@ -51,13 +51,20 @@ impl Project {
              [timing]\nwarmup = 0\nrepeat = 3\n[matrix]\nscene = [\"ball\"]\nlights = [\"lamp\", \"side\"]\n\
              rig = [\"direct\", \"constant\", \"gradient\", \"eight\"]\n[rig.constant]\nconstant = {}\n[rig.gradient]\ngradient = {}\n\
              [rig.eight]\nlattice = { samples = [2, 2, 2] }\n\
-             [[claim]]\nname = \"eight beats one\"\nsays = \"more samples are better\"\nrig = [\"eight\"]\nagainst = [\"constant\"]\n",
+             [[claim]]\nname = \"eight beats one\"\nsays = \"more samples are better\"\nrig = [\"eight\"]\nagainst = [\"constant\"]\n\
+             [[threshold]]\nwhere = { rig = \"direct\" }\nmetric = \"nrmse\"\nmax = 1e-5\n\
+             [[threshold]]\nwhere = { rig = \"eight\" }\nmetric = \"interpolation_nrmse\"\nper = { rig = \"constant\" }\nmax = 0.99\n",
         );
         let (exit, _, log) = rigbench(folder.path(), &["run", "experiments/small.toml", "--no-figures"]);
         assert_eq!(exit, 0, "{log}");
         assert!(log.contains("report.html"), "run writes the report: {log}");
         let project = Self { folder };
         project.fail("gradient", "side");
+        // as the run of a volume leaves it: a cut through its cells
+        let cut = project.results().join("volumes").join(format!("{}.csv", project.run_of("eight", "lamp")));
+        std::fs::create_dir_all(cut.parent().unwrap()).unwrap();
+        let cells = "cell,0,0,1,1\ncell,1,0,2,1\nwall,0,0,2,0\nsample,0,0,0,0\nsample,1,1,1,1\ninside,2,1,2,1\n";
+        std::fs::write(cut, format!("kind,u0,v0,u1,v1\n{cells}")).unwrap();
         let (exit, _, log) = rigbench(project.folder.path(), &["report", "results/small"]);
         assert_eq!(exit, 0, "{log}");
         project
@@ -170,6 +177,16 @@ fn a_reader_finds_the_answer_the_failures_the_runs_and_the_pictures() {
         trouble.as_str().unwrap().contains(FAILED) && trouble.as_str().unwrap().contains("1 run failed"),
         "{trouble}"
     );
+    // what had to hold, with its margins and the run that comes nearest
+    assert_eq!(sections[1], "held");
+    let held = b.evaluate("[...document.querySelectorAll('#held tbody tr')].map((r) => r.textContent)");
+    let held: Vec<String> = serde_json::from_value(held).unwrap();
+    assert_eq!(held.len(), 2);
+    assert!(held[0].contains("nrmse") && held[0].contains("at most 0.00001") && held[0].contains("direct"), "{held:?}");
+    assert!(held[1].contains("interpolation_nrmse") && held[1].contains("as a ratio to"), "{held:?}");
+    let near = b.evaluate("document.querySelector('#held tbody a').getAttribute('href').slice(5)");
+    let direct = ["lamp", "side"].map(|lights| json!(project.run_of("direct", lights)));
+    assert!(direct.contains(&near), "{near}");
     let claim = b.evaluate("document.querySelector('#claims summary').textContent");
     assert!(claim.as_str().unwrap().contains("more samples are better"), "{claim}");
 
@@ -217,6 +234,10 @@ fn a_reader_finds_the_answer_the_failures_the_runs_and_the_pictures() {
     let together = b.evaluate("document.querySelector('#run .bars').lastElementChild.textContent");
     assert!((number(together.as_str().unwrap()) - percent).abs() <= 0.006 * percent, "{together} for {percent}");
     assert!(shown.contains("3 samples, median"), "{shown}");
+    assert!(shown.contains("Cut at half height, seen from above: 3 samples"), "{shown}");
+    let kinds =
+        b.evaluate("[...document.querySelectorAll('#run .structure path')].map((p) => p.getAttribute('class'))");
+    assert_eq!(kinds, json!(["cell", "wall", "sample", "inside"]));
     // the command makes exactly this run
     let command = b.evaluate("document.querySelector('#run .command').textContent");
     let command = command.as_str().unwrap().to_owned();
@@ -233,7 +254,7 @@ fn a_reader_finds_the_answer_the_failures_the_runs_and_the_pictures() {
     let links =
         b.evaluate("[...document.querySelectorAll('#run a')].map((a) => a.href).filter((h) => !h.includes('#'))");
     let links: Vec<String> = serde_json::from_value(links).unwrap();
-    assert_eq!(links.len(), 3, "{links:?}");
+    assert_eq!(links.len(), 4, "{links:?}");
     for link in &links {
         assert!(Path::new(link.strip_prefix("file://").unwrap()).exists(), "{link} leads nowhere");
     }
@@ -384,6 +405,69 @@ fn pictures(b: &mut Browser, project: &Project, run: &str) {
     assert_ne!(pixels(b, "candidate"), candidate);
     b.screenshot("zoomed");
     set(b, "v-zoom", "0");
+}
+
+#[test]
+fn frames_of_an_animation_are_shown_one_by_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    };
+    write(
+        "scenes/moving.toml",
+        "schema_version = 1\ntitle = \"moving\"\n[camera]\neye = [0, 1, 3]\ntarget = [0, 0.5, 0]\nup = [0, 1, 0]\nfov_y = 35.0\n\
+         [animation]\nframes = 9\n[[object]]\nname = \"ball\"\nreceiver = true\n\
+         shape = { sphere = { center = [0, 0.5, 0], radius = 0.3 } }\npath = { points = [[-0.5, 0, 0], [0.5, 0, 0]] }\n",
+    );
+    write(
+        "scenes/lights/lamp.toml",
+        "schema_version = 1\n[[light]]\nname = \"a\"\nsphere = { center = [0, 1.3, 0.6], radius = 0.2, radiance = [9, 6, 3] }\n",
+    );
+    write(
+        "experiments/film.toml",
+        "schema_version = 1\nname = \"film\"\n[image]\nwidth = 64\nheight = 36\nkeep = \"all\"\n[timing]\nwarmup = 0\nrepeat = 1\n\
+         [matrix]\nscene = [\"moving\"]\nlights = [\"lamp\"]\nrig = [\"constant\", \"gradient\"]\n[rig.constant]\nconstant = {}\n[rig.gradient]\ngradient = {}\n",
+    );
+    let (exit, _, log) = rigbench(folder.path(), &["run", "experiments/film.toml", "--no-figures"]);
+    assert_eq!(exit, 0, "{log}");
+    // seven of nine frames, the middle one among them
+    assert!(log.contains("14 pictures"), "{log}");
+    let (exit, _, log) = rigbench(folder.path(), &["run", "experiments/film.toml", "--no-figures"]);
+    assert!(exit == 0 && log.contains("2 cached"), "{log}");
+    let Some(mut browser) = Browser::start() else { return };
+    let b = &mut browser;
+    b.open(&format!("file://{}", folder.path().join("results/film/report.html").display()));
+    b.evaluate("document.getElementById('viewer').scrollIntoView()");
+    b.wait_for("document.getElementById('v-state').textContent.includes('frame 4')");
+    assert_eq!(b.evaluate("document.querySelectorAll('#v-case option').length"), json!(1));
+    assert_eq!(b.evaluate("document.getElementById('v-frame').max"), json!("6"));
+    let middle = pixels(b, "reference");
+    set(b, "v-frame", "0");
+    b.wait_for("document.getElementById('v-state').textContent.includes('frame 0')");
+    let first = pixels(b, "reference");
+    assert_ne!(first, middle);
+    b.evaluate("document.querySelector('#pane-candidate canvas').focus()");
+    for _ in 0..6 {
+        b.press(".", 190);
+    }
+    b.wait_for("document.getElementById('v-state').textContent.includes('frame 8')");
+    assert!(![first, middle].contains(&pixels(b, "reference")));
+    b.screenshot("film");
+    // the candidate changes, the frame stays
+    let other = b.evaluate("document.getElementById('v-run').options[1].value");
+    set(b, "v-run", other.as_str().unwrap());
+    b.wait_for("document.getElementById('v-state').textContent.includes('gradient')");
+    assert!(b.evaluate("document.getElementById('v-state').textContent").as_str().unwrap().contains("frame 8"));
+    b.evaluate("document.getElementById('v-play').click()");
+    b.wait_for("!document.getElementById('v-state').textContent.includes('frame 8')");
+    b.evaluate("document.getElementById('v-play').click()");
+    // the run shows its error over the frames
+    b.evaluate("document.querySelector('#runs tbody a').click()");
+    b.wait_for("document.querySelectorAll('#run .over-frames polyline').length === 3");
+    b.screenshot("film-run");
+    assert_eq!(b.complaints(), [""; 0]);
 }
 
 /// A results folder of as many candidates, each with a picture, as the program would have written it.

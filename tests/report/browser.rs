@@ -2,10 +2,11 @@
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Write};
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
@@ -20,7 +21,11 @@ pub struct Browser {
     pub events: Vec<Value>,
     done: Arc<AtomicBool>,
     _profile: tempfile::TempDir,
+    _alone: MutexGuard<'static, ()>,
 }
+
+/// One browser at a time: several that start at once on two cores keep one another from drawing.
+static ALONE: Mutex<()> = Mutex::new(());
 
 /// Longer than any test of a page may take; then the browser is ended, and the test fails on the closed pipe.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -42,6 +47,7 @@ impl Browser {
             eprintln!("skipped: no Chromium on this machine (apt-get install chromium)");
             return None;
         };
+        let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
         let profile = tempfile::tempdir().unwrap();
         let pipe = |name: &str| {
             let path = profile.path().join(name);
@@ -54,6 +60,7 @@ impl Browser {
             .arg(&executable)
             .args(["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--remote-debugging-pipe"])
             .args(["--disable-background-networking", "--disable-component-update", "--disable-extensions"])
+            .args(["--disable-renderer-backgrounding", "--disable-backgrounding-occluded-windows"])
             .args(["--force-color-profile=srgb", "--force-device-scale-factor=1", "--window-size=1280,900"])
             .arg(format!("--user-data-dir={}", profile.path().join("profile").display()))
             .env("PIPE_IN", &input)
@@ -61,6 +68,7 @@ impl Browser {
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(Stdio::null())
+            .process_group(0)
             .spawn()
             .unwrap();
         let done = Arc::new(AtomicBool::new(false));
@@ -73,13 +81,23 @@ impl Browser {
                     return;
                 }
             }
-            let _ = Command::new("kill").arg(id.to_string()).status();
+            // the whole group, and not by asking: what hangs does not answer
+            let _ = Command::new("kill").args(["-9", "--", &format!("-{id}")]).status();
         });
         // the shell opens them in this order
         let to = File::options().write(true).open(&input).unwrap();
         let from = BufReader::new(File::open(&output).unwrap());
-        let mut browser =
-            Self { child, to, from, messages: 0, session: None, events: Vec::new(), done, _profile: profile };
+        let mut browser = Self {
+            child,
+            to,
+            from,
+            messages: 0,
+            session: None,
+            events: Vec::new(),
+            done,
+            _profile: profile,
+            _alone: alone,
+        };
         let target = browser.call("Target.createTarget", json!({ "url": "about:blank" }));
         let attached =
             browser.call("Target.attachToTarget", json!({ "targetId": target["targetId"], "flatten": true }));
