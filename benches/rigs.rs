@@ -139,7 +139,7 @@ fn on_gpu() {
     let total = gpu.timing_points(POINTS);
     for entry in catalogue() {
         let subject = Subject::new(entry.text, 3);
-        let time = Evaluator::new(&gpu, &entry.rig.wgsl(HALF), 3)
+        let time = Evaluator::of_rig(&gpu, &entry.rig, HALF, 3)
             .and_then(|evaluator| evaluator.prepare(&subject.vectors, &points, total)?.time(2, gpu.timing_repeats(9)));
         match time {
             Ok(timing) => {

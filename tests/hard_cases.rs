@@ -95,7 +95,7 @@ fn independent_routes_agree_with_the_lights() {
             let (p, normal) = (Vector3::of(place), Vector3::of(n));
             let e = |lights: &[Light<f64>]| irradiance(lights, p, normal, &Lobe::lambert()).value.r;
             let scale = lights[0].projection::<1>(p).value[0].r;
-            let expected = independent_irradiance(&lights, place, n).unwrap().r;
+            let expected = independent_irradiance(&lights, place, n, 0.0).unwrap().r;
             worst = worst.max((e(&lights) - expected).abs() / scale);
             wrong = wrong.max((e(&planted) - expected).abs() / scale);
             let sample = independent_sample(&lights, place, true).unwrap();

@@ -162,7 +162,7 @@ fn wgsl_is_valid() {
     use wgpu::naga::valid::{Capabilities, ValidationFlags, Validator};
     let valid = |text: &str| -> Result<(), String> {
         let shader = format!(
-            "var<private> sum: f32;\nfn tap(vector: u32, weight: f32) {{ sum += weight * f32(vector); }}\n{text}\n\
+            "const COEFFICIENTS = 9u;\nvar<private> vectors: array<vec4f, 4096>;\nvar<private> sum: f32;\nfn tap(vector: u32, weight: f32) {{ sum += weight * f32(vector); }}\n{text}\n\
              @compute @workgroup_size(1) fn main() {{ rig_taps(vec3f(0.1, 0.2, 0.3)); }}\n"
         );
         let module = parse_str(&shader).map_err(|e| e.emit_to_string(&shader))?;

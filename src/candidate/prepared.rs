@@ -190,15 +190,17 @@ impl GpuBench {
         };
         let text = shape.map_or_else(|| rig.wgsl(half), |shape| shape.wgsl());
         let key = (text, order);
-        if let Some(known) = self.pipelines.lock().expect("no holder panics").get(&key) {
-            return Ok(known.clone());
-        }
-        let made = match shape {
-            Some(shape) => Pipeline::Texture(VolumeEvaluator::new(&self.gpu, shape)?),
-            None => Pipeline::Buffer(Evaluator::new(&self.gpu, &key.0, order)?),
+        let known = self.pipelines.lock().expect("no holder panics").get(&key).cloned();
+        let made = match (known, shape) {
+            (Some(known), _) => known,
+            (None, Some(shape)) => Pipeline::Texture(VolumeEvaluator::new(&self.gpu, shape)?),
+            (None, None) => Pipeline::Buffer(Evaluator::new(&self.gpu, &key.0, order)?),
         };
         self.pipelines.lock().expect("no holder panics").insert(key, made.clone());
-        Ok(made)
+        Ok(match made {
+            Pipeline::Buffer(evaluator) => Pipeline::Buffer(evaluator.with_rows(rig.wgsl_rows(half))),
+            texture => texture,
+        })
     }
 
     fn direct(&self, lights: &[impl ShaderLight], lobe: &Lobe<f32>) -> Result<DirectEvaluator, GpuError> {

@@ -357,7 +357,8 @@ impl GpuVolume {
                 let shader = baked
                     .cell_shader(vectors.count() * coefficients(order))
                     .ok_or(CandidateError::NoGpuVolume(baked.volume.key()))?;
-                GpuRead::Cells { evaluator: Evaluator::new(&bench.gpu, &shader.wgsl, order)?, shader, vectors }
+                let evaluator = Evaluator::new(&bench.gpu, &shader.wgsl, order)?.with_rows(shader.rows.clone());
+                GpuRead::Cells { evaluator, shader, vectors }
             }
             (Lookup::PerVertex, _) => {
                 let mesh = reading.mesh.expect("an object without a surface is read at every point");
@@ -365,7 +366,7 @@ impl GpuVolume {
                 let light = VertexLight::new(&baked, &vectors, mesh);
                 let rows = light.triangles();
                 let wgsl = vertex_taps(light.vectors.vectors().count() * coefficients(order));
-                let evaluator = Evaluator::new(&bench.gpu, &wgsl, order)?;
+                let evaluator = Evaluator::new(&bench.gpu, &wgsl, order)?.with_rows(rows.clone());
                 GpuRead::Vertices { evaluator, rows, light, mesh: mesh.clone(), samples: vectors }
             }
         };
@@ -377,12 +378,11 @@ impl GpuVolume {
             GpuRead::Rig { pipeline, vectors, bounds } => {
                 pipeline.prepare(vectors, &local_points(bounds, points), total)?
             }
-            GpuRead::Cells { evaluator, shader, vectors } => {
-                let local = local_points(&self.baked.bounds, points);
-                evaluator.prepare_behind(vectors, &shader.rows, &local, total)?
+            GpuRead::Cells { evaluator, vectors, .. } => {
+                evaluator.prepare(vectors, &local_points(&self.baked.bounds, points), total)?
             }
-            GpuRead::Vertices { evaluator, rows, light, .. } => {
-                evaluator.prepare_behind(light.vectors.vectors(), rows, &light.local(points), total)?
+            GpuRead::Vertices { evaluator, light, .. } => {
+                evaluator.prepare(light.vectors.vectors(), &light.local(points), total)?
             }
         })
     }

@@ -51,7 +51,10 @@ fn parse_error(word: &str) -> Result<f64, String> {
         None => (word.trim(), 1.0),
     };
     match number.parse::<f64>() {
-        Ok(value) if value > 0.0 && value.is_finite() => Ok(value * scale),
+        Ok(value) if scale == 1.0 && (1.0..=100.0).contains(&value) => {
+            Err(format!("`{word}` would be {} %; write {value}% or {}", 100.0 * value, 0.01 * value))
+        }
+        Ok(value) if value * scale > 0.0 && value.is_finite() => Ok(value * scale),
         _ => Err(format!("an error is a number above 0, as 2% or 0.02, got `{word}`")),
     }
 }
@@ -66,7 +69,7 @@ impl Recommend {
         if !scene.receivers.iter().any(|receiver| receiver.mesh.is_some()) {
             return Err(Failure::usage(format!("scene `{}` has no receiver with a surface", scene.name)));
         }
-        let places = self.places(&scene, order)?;
+        let (places, left_out) = self.places(&scene, order)?;
         let gpu = match self.on {
             On::Cpu => None,
             On::Gpu => match Gpu::open(AdapterKind::Any) {
@@ -90,6 +93,13 @@ impl Recommend {
             places.len(),
             if self.on == On::Gpu { "GPU" } else { "one CPU core" }
         );
+        text += "searched: constant, gradient, lattices and mixed rigs; not RBFs and volumes, which an experiment compares\n";
+        if !left_out.is_empty() {
+            text += &format!(
+                "left out: this scene calls for {}; here nothing blocks or reflects the lights\n",
+                left_out.join(" and ")
+            );
+        }
         if let Some((floor, place)) = floor {
             text += &format!(
                 "floor of the order, which no rig can beat: {} of the truth (under {})\n",
@@ -104,11 +114,32 @@ impl Recommend {
             percent(found.work.projections as f64 / whole.projections.max(1) as f64),
             percent(found.work.taps as f64 / whole.taps.max(1) as f64),
         );
+        let head = json!({
+            "scene": scene.name,
+            "places": places.iter().map(|p| json!({ "name": p.name, "truncation_nrmse": p.truncation_nrmse })).collect::<Vec<_>>(),
+            "left_out": left_out,
+            "order": order,
+            "target": self.error,
+            "work": found.work,
+            "exhaustive_work": whole,
+        });
+        let with = |more: serde_json::Value| -> String {
+            let (mut document, more) = (head.clone(), more);
+            if let (Some(all), serde_json::Value::Object(more)) = (document.as_object_mut(), more) {
+                all.extend(more);
+            }
+            format!("{document:#}\n")
+        };
         if found.ranking.is_empty() {
+            if self.json {
+                print(with(json!({ "rig": null, "best": found.best, "front": found.front })))?;
+            } else {
+                eprint!("{text}");
+            }
             let best = found.best.map_or(String::new(), |best| {
-                format!("; the best adds {} (under {}): {}", percent(best.error), best.place, best.toml)
+                let about = if best.full { "" } else { "about " };
+                format!("; the best adds {about}{} (under {}): {}", percent(best.error), best.place, best.toml)
             });
-            eprint!("{text}");
             let message = format!("no rig that was searched adds at most {}{best}", percent(self.error));
             return Err(Failure::new(Exit::NothingSelected, message));
         }
@@ -121,24 +152,16 @@ impl Recommend {
         let (error, doubt) = search.error_with_doubt(&chosen.rig);
         let reasons = if self.explain { search.explain(&rigs, &costs, chosen) } else { Vec::new() };
         if self.json {
-            let rows = |all: &[&Ranked]| json!(all);
-            let document = json!({
-                "scene": scene.name,
-                "places": places.iter().map(|p| json!({ "name": p.name, "truncation_nrmse": p.truncation_nrmse })).collect::<Vec<_>>(),
-                "order": order,
-                "target": self.error,
+            print(with(json!({
                 "rig": chosen.toml,
                 "error": error,
                 "error_se": doubt,
                 "frame_us": chosen_time.0,
                 "frame_us_mad": chosen_time.1,
                 "ranking": ranking.iter().map(|(r, t)| json!({ "rig": r.toml, "error": r.error, "place": r.place, "predicted_us": r.frame_us, "frame_us": t.0, "frame_us_mad": t.1 })).collect::<Vec<_>>(),
-                "front": rows(&found.front.iter().collect::<Vec<_>>()),
+                "front": found.front,
                 "explain": reasons,
-                "work": found.work,
-                "exhaustive_work": whole,
-            });
-            print(format!("{document:#}\n"))?;
+            })))?;
             return Ok(Exit::Ok);
         }
         text += &format!(
@@ -200,8 +223,9 @@ impl Recommend {
         Ok(Exit::Ok)
     }
 
-    /// Every layout asked for, every frame where something moves.
-    fn places(&self, scene: &Scene, order: usize) -> Result<Vec<Place>, Failure> {
+    /// Every layout asked for, every frame where something moves; and the effects that the scene calls for and the search leaves out.
+    fn places(&self, scene: &Scene, order: usize) -> Result<(Vec<Place>, Vec<String>), Failure> {
+        let mut left_out: Vec<String> = Vec::new();
         let boxes: Vec<OrientedBox> = scene.receivers.iter().map(|receiver| receiver.oriented_box(0)).collect();
         let mut places = Vec::new();
         for word in &self.lights {
@@ -217,13 +241,18 @@ impl Recommend {
             for instance in instances.iter().filter(|i| index.is_none() || i.index == index) {
                 let lights = instance.lights_at(0, scene.frames).len();
                 let (effects, _) = EffectsChoice::Auto.resolve(&SceneFacts::of(scene, lights));
-                if effects != Effects::NONE && places.is_empty() {
-                    eprintln!("the scene calls for {effects}; the search takes the lights as nothing blocks them");
+                if effects != Effects::NONE && !left_out.contains(&effects.to_string()) {
+                    left_out.push(effects.to_string());
                 }
                 places.extend((0..scene.frames).map(|frame| Place::new(scene, instance, frame, order)));
             }
         }
-        Ok(places)
+        places.retain(|place| !place.is_dark());
+        if places.is_empty() {
+            let message = "no light reaches a receiver under these layouts: every rig is as good as another";
+            return Err(Failure::new(Exit::NothingSelected, message));
+        }
+        Ok((places, left_out))
     }
 }
 

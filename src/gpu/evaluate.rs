@@ -3,7 +3,7 @@ use std::time::{Duration, Instant};
 use super::pass::{BoundPass, Grid, Parameters, PointPass};
 use super::{Gpu, GpuError, Sample, ShaderText, Timing};
 use crate::math::Rgb;
-use crate::rig::{LocalPoints, ShVectors};
+use crate::rig::{LocalPoints, Rig, ShVectors};
 use crate::sh::coefficients;
 
 /// A rig's evaluation from a buffer of SH vectors, compiled for one order and one box.
@@ -12,6 +12,8 @@ pub struct Evaluator {
     gpu: Gpu,
     pass: PointPass,
     order: usize,
+    /// Rows behind those of the vectors, for a model that reads them.
+    behind: Vec<[f32; 4]>,
 }
 
 impl Evaluator {
@@ -28,7 +30,18 @@ impl Evaluator {
             gpu: gpu.clone(),
             pass: PointPass::new(gpu, "evaluate", text, Parameters::Buffer, Grid::THREAD_A_POINT)?,
             order,
+            behind: Vec::new(),
         })
+    }
+
+    /// A rig's evaluation over a box of these half extents.
+    pub fn of_rig(gpu: &Gpu, rig: &impl Rig, half: [f64; 3], order: usize) -> Result<Self, GpuError> {
+        Ok(Self::new(gpu, &rig.wgsl(half), order)?.with_rows(rig.wgsl_rows(half)))
+    }
+
+    /// The same pipeline with these rows behind the vectors: another box, another tree of cells.
+    pub fn with_rows(self, behind: Vec<[f32; 4]>) -> Self {
+        Self { behind, ..self }
     }
 
     /// What compiling the pipeline took: part of `once_us`.
@@ -53,18 +66,7 @@ impl Evaluator {
         points: &LocalPoints<f32>,
         total: usize,
     ) -> Result<PreparedEvaluation, GpuError> {
-        self.prepare_behind(vectors, &[], points, total)
-    }
-
-    /// The same with more rows behind those of the vectors, for a model that reads them.
-    pub fn prepare_behind(
-        &self,
-        vectors: &ShVectors<f32>,
-        behind: &[[f32; 4]],
-        points: &LocalPoints<f32>,
-        total: usize,
-    ) -> Result<PreparedEvaluation, GpuError> {
-        let whole = [rows(vectors), bytemuck::cast_slice(behind).to_vec()].concat();
+        let whole = [rows(vectors), bytemuck::cast_slice(&self.behind).to_vec()].concat();
         assert_eq!(vectors.order, self.order, "vectors of another order than the evaluator's");
         let buffer =
             self.gpu.checked("uploading SH vectors", || self.gpu.storage("the buffer of SH vectors", &whole))?;

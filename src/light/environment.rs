@@ -240,7 +240,8 @@ impl EnvironmentMap {
     pub fn content(&self) -> &str {
         &self.content
     }
-    fn texel(&self, row: usize, column: usize) -> Rgb<f64> {
+    /// Linear radiance; rows from the top.
+    pub fn texel(&self, row: usize, column: usize) -> Rgb<f64> {
         Rgb::of(self.texels[row * self.width + column].map(f64::from))
     }
     /// Angle from +y at the top of a row.

@@ -87,12 +87,6 @@ impl<T: Real> GridAxis<T> {
         let lower = along.whole(self.count - 2);
         (lower, (along - L::number(lower)).smaller(L::constant(1.0)))
     }
-
-    /// WGSL that builds this axis: a call of `GridAxis(count, half, spacing, per_spacing)`.
-    pub fn wgsl(&self) -> String {
-        let [half, spacing, per_spacing] = [self.half, self.spacing, self.per_spacing].map(wgsl_number);
-        format!("GridAxis({}u, {half}, {spacing}, {per_spacing})", self.count)
-    }
 }
 
 /// A number as a WGSL literal of type f32 that reads back to the same bits.
@@ -164,16 +158,27 @@ impl<T: Real> Grid<T> {
         L::index_sum(row, z, step_z)
     }
 
-    /// The constants of the twin in `grid.wgsl`.
+    /// The twin: the constants of `grid.wgsl`, how it reads its rows, and itself.
     pub fn wgsl(&self) -> String {
-        let [x, y, z] = self.axes.map(|axis| axis.wgsl());
-        let [sx, sy, sz] = self.slots;
+        let ([x, y, z], [sx, sy, sz]) = (self.axes.map(|axis| axis.count), self.slots);
         format!(
-            "const GRID_VECTORS: u32 = {}u;\nconst GRID_SLOTS = vec3u({sx}u, {sy}u, {sz}u);\n\
-             const GRID_PER_REACH = {};\nconst GRID_X = {x};\nconst GRID_Y = {y};\nconst GRID_Z = {z};\n",
+            "const RIG_VECTORS: u32 = {}u;\nconst GRID_VECTORS: u32 = {}u;\nconst GRID_SLOTS = vec3u({sx}u, {sy}u, {sz}u);\n\
+             const GRID_COUNT = vec3u({x}u, {y}u, {z}u);\n{}{}",
+            self.vectors * x * y * z,
             self.vectors,
-            wgsl_number(self.per_reach)
+            include_str!("rows.wgsl"),
+            include_str!("grid.wgsl")
         )
+    }
+
+    /// The rows that the twin reads: half extent, spacing and its reciprocal of each axis; beside the first's the reciprocal of the reach.
+    pub fn wgsl_rows(&self) -> Vec<[f32; 4]> {
+        let of = |value: T| value.to_double() as f32;
+        let row = |axis: usize| {
+            let GridAxis { half, spacing, per_spacing, .. } = self.axes[axis];
+            [of(half), of(spacing), of(per_spacing), if axis == 0 { of(self.per_reach) } else { 0.0 }]
+        };
+        (0..3).map(row).collect()
     }
 }
 

@@ -1,8 +1,31 @@
-// Tensor grids of samples: the twin of grid.rs. The constants GRID_* are printed from there.
+// Tensor grids of samples: the twin of grid.rs. The constants GRID_* are printed from there; lengths stand in the rig's rows, so that boxes
+// with the same counts share a pipeline.
 
 struct GridAxis { count: u32, half: f32, spacing: f32, per_spacing: f32 }
 struct GridCell { lower: u32, t: f32 }
 struct Nodes { lower: u32, count: u32, value: array<f32, 2>, slope: array<f32, 2> }
+
+fn grid_axis(count: u32, axis: u32) -> GridAxis {
+    let row = rig_row(axis);
+    return GridAxis(count, row.x, row.y, row.z);
+}
+
+fn grid_x() -> GridAxis {
+    return grid_axis(GRID_COUNT.x, 0u);
+}
+
+fn grid_y() -> GridAxis {
+    return grid_axis(GRID_COUNT.y, 1u);
+}
+
+fn grid_z() -> GridAxis {
+    return grid_axis(GRID_COUNT.z, 2u);
+}
+
+// One over the longest half extent.
+fn grid_per_reach() -> f32 {
+    return rig_row(0u).w;
+}
 
 fn grid_clamp(axis: GridAxis, q: f32) -> f32 {
     return min(max(q, -axis.half), axis.half);
@@ -22,7 +45,7 @@ fn nodes_one(index: u32, slope: f32) -> Nodes {
 }
 
 fn grid_value_vector(x: u32, y: u32, z: u32) -> u32 {
-    return GRID_VECTORS * (x + GRID_X.count * (y + GRID_Y.count * z));
+    return GRID_VECTORS * (x + GRID_COUNT.x * (y + GRID_COUNT.y * z));
 }
 
 fn tensor_taps(nodes_x: Nodes, nodes_y: Nodes, nodes_z: Nodes) {

@@ -110,7 +110,10 @@ impl Rig for Lattice {
     }
     fn wgsl(&self, half: [f64; 3]) -> String {
         let grid = Grid::<f32>::new(self.counts(half), half, self.derivatives(half));
-        format!("{}{}{}", grid.wgsl(), include_str!("grid.wgsl"), self.interpolation.wgsl())
+        grid.wgsl() + &self.interpolation.wgsl()
+    }
+    fn wgsl_rows(&self, half: [f64; 3]) -> Vec<[f32; 4]> {
+        Grid::<f32>::new(self.counts(half), half, self.derivatives(half)).wgsl_rows()
     }
     fn interpolation(&self) -> Option<&Interpolation> {
         Some(&self.interpolation)

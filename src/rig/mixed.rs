@@ -236,15 +236,18 @@ impl Rig for Mixed {
         let models = self.models(half);
         let grid = Grid::<f32>::new(samples, half, derivatives);
         format!(
-            "{}{}{}{}\nfn rig_taps(q: vec3f) {{\n    tensor_taps({}, {}, {});\n}}\n",
+            "{}{}{}\nfn rig_taps(q: vec3f) {{\n    tensor_taps({}, {}, {});\n}}\n",
             grid.wgsl(),
-            include_str!("grid.wgsl"),
             include_str!("interpolation/trilinear.wgsl"),
             include_str!("interpolation/tricubic.wgsl"),
-            models[0].wgsl("GRID_X", "q.x"),
-            models[1].wgsl("GRID_Y", "q.y"),
-            models[2].wgsl("GRID_Z", "q.z"),
+            models[0].wgsl("grid_x()", "q.x"),
+            models[1].wgsl("grid_y()", "q.y"),
+            models[2].wgsl("grid_z()", "q.z"),
         )
+    }
+    fn wgsl_rows(&self, half: [f64; 3]) -> Vec<[f32; 4]> {
+        let (samples, derivatives) = self.samples_and_derivatives(half);
+        Grid::<f32>::new(samples, half, derivatives).wgsl_rows()
     }
     fn reproduces(&self, half: [f64; 3], exponents: [u32; 3]) -> bool {
         let models = self.models(half);

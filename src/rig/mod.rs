@@ -103,8 +103,15 @@ pub trait Rig {
     /// The weights over a box of these half extents.
     fn model<T: Real>(&self, half: [f64; 3]) -> Model<T>;
 
-    /// WGSL that defines `fn rig_taps(q: vec3f)` for a box of these half extents, constants printed from here.
+    /// WGSL that defines `fn rig_taps(q: vec3f)` for boxes like this one: counts are printed into the text, lengths stand in rows behind the
+    /// vectors ([`Rig::wgsl_rows`]), so that boxes of other sizes have the same text.
     fn wgsl(&self, half: [f64; 3]) -> String;
+
+    /// The rows of numbers that the text reads for a box of these half extents.
+    fn wgsl_rows(&self, half: [f64; 3]) -> Vec<[f32; 4]> {
+        let _ = half;
+        Vec::new()
+    }
 
     /// The interpolation, of a rig that has one.
     fn interpolation(&self) -> Option<&Interpolation> {
@@ -276,6 +283,9 @@ macro_rules! rigs {
             }
             fn wgsl(&self, half: [f64; 3]) -> String {
                 match self { $(AnyRig::$rig(rig) => rig.wgsl(half)),+ }
+            }
+            fn wgsl_rows(&self, half: [f64; 3]) -> Vec<[f32; 4]> {
+                match self { $(AnyRig::$rig(rig) => rig.wgsl_rows(half)),+ }
             }
             fn interpolation(&self) -> Option<&Interpolation> {
                 match self { $(AnyRig::$rig(rig) => rig.interpolation()),+ }

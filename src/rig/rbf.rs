@@ -324,23 +324,21 @@ impl Rig for Rbf {
         Model::Rbf(self.model(half))
     }
     fn wgsl(&self, half: [f64; 3]) -> String {
-        let model = self.model::<f32>(half);
-        let vector =
-            |v: &Vector3<f32>| format!("vec3f({}, {}, {})", wgsl_number(v.x), wgsl_number(v.y), wgsl_number(v.z));
-        let centres: Vec<String> = model.centres.iter().map(vector).collect();
+        let count = self.positions(half).len();
         format!(
-            "const RBF_COUNT = {}u;\nconst RBF_PER_DIAGONAL = {};\nconst RBF_CENTROID = {};\n\
-             var<private> RBF_CENTRES: array<vec3f, {}> = array<vec3f, {}>({});\n\
+            "const RIG_VECTORS: u32 = {}u;\nconst RBF_COUNT: u32 = {count}u;\n{}\
              fn rbf_kernel(squared: f32) -> f32 {{\n    return {};\n}}\n{}",
-            centres.len(),
-            wgsl_number(model.per_diagonal),
-            vector(&model.centroid),
-            centres.len(),
-            centres.len(),
-            centres.join(", "),
+            count + 4,
+            include_str!("rows.wgsl"),
             self.kernel.wgsl(),
             include_str!("rbf.wgsl")
         )
+    }
+    fn wgsl_rows(&self, half: [f64; 3]) -> Vec<[f32; 4]> {
+        let RbfModel { centres, centroid, per_diagonal, .. } = self.model::<f32>(half);
+        let row = |v: Vector3<f32>, last: f32| [v.x, v.y, v.z, last];
+        let first = row(centroid, per_diagonal);
+        std::iter::once(first).chain(centres.into_iter().map(|centre| row(centre, 0.0))).collect()
     }
     /// Linear fields, along the axes that the centres span.
     fn reproduces(&self, half: [f64; 3], exponents: [u32; 3]) -> bool {

@@ -282,6 +282,11 @@ impl Place {
         let truncation_nrmse = (scale > 0.0).then(|| rms(&missed) / scale);
         Self { name, truncation_nrmse, parts, scale, lights: lights.len(), block }
     }
+
+    /// Whether no light reaches a receiver.
+    pub fn is_dark(&self) -> bool {
+        self.scale <= 0.0
+    }
 }
 
 /// A rig that was looked at in full.

@@ -13,10 +13,10 @@ use super::expression::Expression;
 use super::measure::{COLUMNS, CurveId};
 use crate::experiment::{AxisValue, AxisValues, CheckSettings, Document, Override, take_table};
 use crate::input::{Finite, Finite3, InputError, Source, Spanned};
-use crate::light::{Light, LightFile};
+use crate::light::{Light, LightFile, LightModel, shader_kinds};
 use crate::rig::{AnyRig, RigFile};
 use crate::scene::{OrientedBox, root};
-use crate::sh::MAX_ORDER;
+use crate::sh::{Lobe, MAX_ORDER};
 
 /// The word of `kind` that says that a file holds hard cases.
 const KIND: &str = "stability";
@@ -51,15 +51,39 @@ pub struct Family {
     /// What the parameter is.
     pub parameter: String,
     pub models: Vec<Model>,
+    pub orders: Vec<usize>,
     /// One a value of the parameter.
     pub cases: Vec<Case>,
 }
 
-/// What lights the points: a rig, or `direct`.
+/// What lights the points: a rig, or every light at every point, by its exact formula (`direct`) or by another (its word).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
     pub name: String,
     pub direct: bool,
+    pub formula: LightModel,
+}
+
+impl Model {
+    fn rig(name: &str) -> Self {
+        Self { name: name.to_owned(), direct: false, formula: LightModel::EXACT }
+    }
+
+    /// `direct`, or the word of a formula.
+    fn of_lights(word: &str) -> Option<Self> {
+        let formula = if word == DIRECT { Some(LightModel::EXACT) } else { formula(word) };
+        formula.map(|formula| Self { name: word.to_owned(), direct: true, formula })
+    }
+}
+
+/// The formula of a word, but for the exact one.
+fn formula(word: &str) -> Option<LightModel> {
+    LightModel::named(word).filter(|formula| *formula != LightModel::EXACT)
+}
+
+/// The words of formulas.
+fn formula_words() -> impl Iterator<Item = &'static str> {
+    LightModel::words().into_iter().filter(|word| formula(word).is_some())
 }
 
 /// A family at one value of its parameter.
@@ -68,6 +92,8 @@ pub struct Case {
     pub t: f64,
     pub lights: Vec<Light<f64>>,
     pub bounds: OrientedBox,
+    /// a of the receivers' wrap lobe.
+    pub wrap: f64,
     pub places: Vec<Place>,
     /// One a model of the family; `None` is `direct`.
     pub rigs: Vec<Option<AnyRig>>,
@@ -151,6 +177,7 @@ struct FamilyHead {
     title: String,
     parameter: Spanned<ParameterFile>,
     rig: Option<Spanned<Vec<Spanned<String>>>>,
+    order: Option<Spanned<Vec<Spanned<i64>>>>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -176,6 +203,7 @@ struct CaseFile {
     point: Spanned<Vec<PlaceFile>>,
     #[serde(rename = "move")]
     moved: Option<Finite3>,
+    wrap: Option<Spanned<Finite>>,
     #[serde(default)]
     variant: BTreeMap<Spanned<String>, Spanned<RigFile>>,
 }
@@ -231,15 +259,11 @@ impl HardCases {
         let mut ids = Vec::new();
         for (model, what) in family.models.iter().enumerate() {
             let orders: Vec<Option<usize>> =
-                if what.direct { vec![None] } else { self.orders.iter().copied().map(Some).collect() };
+                if what.direct { vec![None] } else { family.orders.iter().copied().map(Some).collect() };
+            let gpu = self.gpu && family.has_twin(what);
             for order in orders {
-                ids.extend(
-                    [false, true].into_iter().filter(|gpu| if *gpu { self.gpu } else { self.cpu }).map(|gpu| CurveId {
-                        model,
-                        order,
-                        gpu,
-                    }),
-                );
+                let asked = [false, true].into_iter().filter(|on_gpu| if *on_gpu { gpu } else { self.cpu });
+                ids.extend(asked.map(|gpu| CurveId { model, order, gpu }));
             }
         }
         ids
@@ -280,7 +304,12 @@ impl HardCases {
             required("name", text()),
             optional("title", text()),
             required("parameter", parameter),
-            optional("rig", described(list(text()), "a part of the matrix's; absent: all")),
+            optional(
+                "rig",
+                described(list(text()), "in place of the matrix's; `direct`, rigs, and words of light formulas"),
+            ),
+            optional("order", described(some(whole(1, MAX_ORDER as u64)), "in place of the matrix's")),
+            optional("wrap", described(formula(), "a of the receivers' wrap lobe, 0 to 1; default 0")),
             required("box", table([optional("center", vector()), required("half", vector())])),
             optional("light", list(light)),
             required("point", some(table([required("position", vector()), optional("normals", list(vector()))]))),
@@ -328,8 +357,9 @@ fn read(tree: &mut Spanned<DeTable<'_>>, source: &Source) -> Result<HardCases, I
     let table = tree.get_mut();
     let mut rigs: Rigs = Vec::new();
     for (name, value) in take_table(table, "rig", source)? {
-        if name.get_ref() == DIRECT {
-            return Err(source.error(name.span(), "`direct` is built in; give the rig another name"));
+        if Model::of_lights(name.get_ref()).is_some() {
+            let message = format!("`{}` is built in; give the rig another name", name.get_ref());
+            return Err(source.error(name.span(), message));
         }
         let span = value.span();
         let rig = deserialize::<RigFile>(value, source)?.resolve(source, span, None)?;
@@ -356,16 +386,7 @@ fn read(tree: &mut Spanned<DeTable<'_>>, source: &Source) -> Result<HardCases, I
     }
     let name = crate::experiment::folder_name(source, &head.name)?;
     let matrix = &head.matrix;
-    let mut orders = Vec::new();
-    for order in matrix.order.get_ref() {
-        match usize::try_from(*order.get_ref()) {
-            Ok(n @ 1..=MAX_ORDER) => orders.push(n),
-            _ => {
-                let message = format!("order {}: an order is a whole number from 1 to {MAX_ORDER}", order.get_ref());
-                return Err(source.error(order.span(), message));
-            }
-        }
-    }
+    let orders = read_orders(&matrix.order, source)?;
     let mut backends = [false; 2];
     for backend in matrix.backend.get_ref() {
         match backend.get_ref().as_str() {
@@ -374,18 +395,14 @@ fn read(tree: &mut Spanned<DeTable<'_>>, source: &Source) -> Result<HardCases, I
             word => return Err(source.unknown_word(backend.span(), "backend", word, ["cpu", "gpu"])),
         }
     }
-    let empty = [
-        (matrix.rig.get_ref().is_empty(), matrix.rig.span()),
-        (orders.is_empty(), matrix.order.span()),
-        (backends == [false; 2], matrix.backend.span()),
-    ];
+    let empty = [(matrix.rig.get_ref().is_empty(), matrix.rig.span()), (backends == [false; 2], matrix.backend.span())];
     if let Some((_, span)) = empty.into_iter().find(|(empty, _)| *empty) {
         return Err(source.error(span, "an empty list"));
     }
     let all_models = chosen(matrix.rig.get_ref(), &rigs, source)?;
     let mut read_families: Vec<Family> = Vec::new();
     for value in families {
-        let family = read_family(value, &all_models, &rigs, source, &read_families)?;
+        let family = read_family(value, &all_models, &orders, &rigs, source, &read_families)?;
         read_families.push(family);
     }
     if read_families.is_empty() {
@@ -415,19 +432,44 @@ fn read(tree: &mut Spanned<DeTable<'_>>, source: &Source) -> Result<HardCases, I
     Ok(cases)
 }
 
+fn read_orders(list: &Spanned<Vec<Spanned<i64>>>, source: &Source) -> Result<Vec<usize>, InputError> {
+    let mut orders = Vec::new();
+    for order in list.get_ref() {
+        match usize::try_from(*order.get_ref()) {
+            Ok(n @ 1..=MAX_ORDER) if orders.contains(&n) => {
+                return Err(source.error(order.span(), format!("order {n} twice in one list")));
+            }
+            Ok(n @ 1..=MAX_ORDER) => orders.push(n),
+            _ => {
+                let message = format!("order {}: an order is a whole number from 1 to {MAX_ORDER}", order.get_ref());
+                return Err(source.error(order.span(), message));
+            }
+        }
+    }
+    match orders.is_empty() {
+        true => Err(source.error(list.span(), "an empty list")),
+        false => Ok(orders),
+    }
+}
+
 /// Models by their names.
 fn chosen(names: &[Spanned<String>], rigs: &Rigs, source: &Source) -> Result<Vec<Model>, InputError> {
     let mut models: Vec<Model> = Vec::new();
     for name in names {
         let word = name.get_ref();
-        if word != DIRECT && !rigs.iter().any(|(known, _)| known == word) {
-            let known = rigs.iter().map(|(name, _)| name.as_str());
-            return Err(source.unknown_word(name.span(), "rig", word, [DIRECT].into_iter().chain(known)));
-        }
         if models.iter().any(|model| model.name == *word) {
             return Err(source.error(name.span(), format!("`{word}` twice in one list")));
         }
-        models.push(Model { name: word.clone(), direct: word == DIRECT });
+        models.push(match Model::of_lights(word) {
+            Some(model) => model,
+            None if rigs.iter().any(|(known, _)| known == word) => Model::rig(word),
+            None => {
+                let rigs = rigs.iter().map(|(name, _)| name.clone());
+                let all: Vec<String> = formula_words().chain([DIRECT]).map(str::to_owned).chain(rigs).collect();
+                let known = all.iter().map(String::as_str);
+                return Err(source.unknown_word(name.span(), "rig", word, known));
+            }
+        });
     }
     Ok(models)
 }
@@ -435,6 +477,7 @@ fn chosen(names: &[Spanned<String>], rigs: &Rigs, source: &Source) -> Result<Vec
 fn read_family(
     value: Spanned<DeValue<'_>>,
     all: &[Model],
+    orders: &[usize],
     rigs: &Rigs,
     source: &Source,
     before: &[Family],
@@ -444,7 +487,7 @@ fn read_family(
         return Err(source.error(span, "a family is a table [[family]]"));
     };
     let mut head = DeTable::new();
-    for key in ["name", "title", "parameter", "rig"] {
+    for key in ["name", "title", "parameter", "rig", "order"] {
         if let Some((key, value)) = rest.remove_entry(key) {
             head.insert(key, value);
         }
@@ -467,10 +510,10 @@ fn read_family(
         let (case, variants) = read_case(&rest, span.clone(), t, source)?;
         if cases.is_empty() {
             for (name, _) in &variants {
-                if name == DIRECT || models.iter().any(|model| model.name == *name) {
+                if Model::of_lights(name).is_some() || models.iter().any(|model| model.name == *name) {
                     return Err(source.error(span, format!("variant `{name}` has the name of another model")));
                 }
-                models.push(Model { name: name.clone(), direct: false });
+                models.push(Model::rig(name));
             }
         }
         let mut of_case: Vec<Option<AnyRig>> = models[..of_all]
@@ -478,6 +521,15 @@ fn read_family(
             .map(|model| rigs.iter().find(|(name, _)| *name == model.name).map(|(_, rig)| rig.clone()))
             .collect();
         of_case.extend(variants.into_iter().map(|(_, rig)| Some(rig)));
+        let refused = models
+            .iter()
+            .filter(|_| case.wrap != 0.0)
+            .find_map(|model| model.formula.without_wrap(&case.lights).map(|(shape, _)| (&model.name, shape)));
+        if let Some((word, shape)) = refused {
+            let message =
+                format!("the formula `{word}` of a {shape} knows the clamped cosine alone; this family wraps");
+            return Err(source.error(span, message));
+        }
         cases.push(Case { rigs: of_case, ..case });
     }
     if models.is_empty() {
@@ -488,8 +540,23 @@ fn read_family(
         name,
         parameter: head.parameter.into_inner().name,
         models,
+        orders: match &head.order {
+            None => orders.to_vec(),
+            Some(list) => read_orders(list, source)?,
+        },
         cases,
     })
+}
+
+impl Family {
+    /// Whether the GPU can evaluate a model: rigs always; lights point by point where every shape has a twin for the lobe.
+    fn has_twin(&self, model: &Model) -> bool {
+        !model.direct
+            || self.cases.iter().all(|case| {
+                let lobe = Lobe::<f32>::new(case.wrap);
+                case.lights.iter().all(|light| shader_kinds(&lobe).any(|kind| kind == light.kind_name()))
+            })
+    }
 }
 
 /// The values of the parameter: a geometric series, or a list, and what stands beside it.
@@ -566,12 +633,16 @@ fn read_case(
         }
         read_places.push(Place { position: place.position.vector() + offset, normals });
     }
+    let wrap = file.wrap.as_ref().map_or(0.0, |wrap| wrap.get_ref().0);
+    if let Some(given) = file.wrap.as_ref().filter(|_| !(0.0..=1.0).contains(&wrap)) {
+        return Err(source.error(given.span(), format!("wrap {wrap}; a wrap lies in 0 to 1")));
+    }
     let mut variants = Vec::new();
     for (name, rig) in &file.variant {
         variants.push((name.get_ref().clone(), rig.get_ref().resolve(source, rig.span(), None)?));
     }
     let bounds = OrientedBox { half: half.to_array(), ..OrientedBox::aligned(center + offset, center + offset) };
-    Ok((Case { t, lights, bounds, places: read_places, rigs: Vec::new() }, variants))
+    Ok((Case { t, lights, bounds, wrap, places: read_places, rigs: Vec::new() }, variants))
 }
 
 /// The expressions of a tree in its order, as TOML numbers at `t`.

@@ -1,13 +1,14 @@
 //! What a light gives at a point, by another road than the light's own formulas: adaptive quadrature over the directions in which it is
-//! seen (over its contour, for gradients close by). Slow, in `f64`, Lambert's lobe; held to about 1e-12.
+//! seen (over its contour, for gradients close by; over every texel, for surroundings). Slow, in `f64`; held to about 1e-12 under Lambert's
+//! lobe.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::DVec3;
 
-use crate::light::{Light, UniformEmitter};
-use crate::math::{Rgb, Vector3, gauss_legendre};
-use crate::sh::{MAX_COEFFICIENTS, basis, basis_gradient};
+use crate::light::{Environment, Light, UniformEmitter};
+use crate::math::{GaussLegendre, Rgb, Vector3, gauss_legendre};
+use crate::sh::{MAX_COEFFICIENTS, MAX_ORDER, basis, basis_gradient, legendre_polynomials};
 
 /// Coefficients at the highest order.
 const C: usize = MAX_COEFFICIENTS;
@@ -25,11 +26,31 @@ impl Sample {
     }
 }
 
-/// Irradiance of all lights; `None` where a light has no independent route here, or the place is singular for it.
-pub fn irradiance(lights: &[Light<f64>], p: DVec3, n: DVec3) -> Option<Rgb<f64>> {
+/// The lobe of wrap a: ((c + a)/(1 + a))^(1 + a) above its foot at c = -a.
+fn lobe(wrap: f64, cosine: f64) -> f64 {
+    let above = ((cosine + wrap) / (1.0 + wrap)).max(0.0);
+    if wrap == 0.0 { above } else { above.powf(1.0 + wrap) }
+}
+
+/// A_k = 2 pi integral of the lobe times P_k.
+pub fn bands(wrap: f64) -> [f64; MAX_ORDER] {
+    // c = (1 + a) s^2 - a tames the power at the foot
+    adaptive(&[0.0, 1.0], &mut |s| {
+        let cosine = (1.0 + wrap) * s * s - wrap;
+        let weight = 2.0 * PI * lobe(wrap, cosine) * 2.0 * (1.0 + wrap) * s;
+        legendre_polynomials::<f64, MAX_ORDER>(cosine).map(|p| p * weight)
+    })
+}
+
+/// Irradiance of all lights under a lobe; `None` where a light has no independent route here, or the place is singular for it.
+pub fn irradiance(lights: &[Light<f64>], p: DVec3, n: DVec3, wrap: f64) -> Option<Rgb<f64>> {
     let mut sum = Rgb::zero();
     for light in lights {
-        sum += colour(light)? * unit_irradiance(light, p, n)?;
+        sum += match light {
+            Light::Environment(map) if wrap == 0.0 => surroundings_irradiance(map, n),
+            Light::Environment(_) => return None,
+            light => colour(light)? * unit_irradiance(light, p, n, wrap)?,
+        };
     }
     Some(sum)
 }
@@ -38,6 +59,11 @@ pub fn irradiance(lights: &[Light<f64>], p: DVec3, n: DVec3) -> Option<Rgb<f64>>
 pub fn sample(lights: &[Light<f64>], p: DVec3, gradients: bool) -> Option<Sample> {
     let mut sum = Sample::zero();
     for light in lights {
+        if let Light::Environment(map) = light {
+            // the same everywhere
+            surroundings_projection(map).iter().zip(&mut sum.value).for_each(|(value, sum)| *sum += *value);
+            continue;
+        }
         let (colour, value) = (colour(light)?, unit_projection(light, p)?);
         (0..C).for_each(|i| sum.value[i] += colour * value[i]);
         if gradients {
@@ -92,24 +118,102 @@ fn seen(light: &Light<f64>, p: DVec3) -> Option<Seen> {
         Light::Point(point) => Seen::Dot(to(&point.position)),
         Light::Directional(light) => Seen::Direction(light.towards.to_double()),
         Light::Constant(_) => Seen::Everywhere,
+        // surroundings have routes of their own
         Light::Environment(_) => return None,
     })
 }
 
-fn unit_irradiance(light: &Light<f64>, p: DVec3, n: DVec3) -> Option<f64> {
+fn unit_irradiance(light: &Light<f64>, p: DVec3, n: DVec3, wrap: f64) -> Option<f64> {
     Some(match seen(light, p)? {
-        Seen::Cap(cap) => cap.irradiance(n),
-        Seen::Flat(flat) => flat.irradiance(n),
-        Seen::Line(from, side) => line(from, side, Some(n), |w, r| [n.dot(w).max(0.0) / (r * r)])?[0],
+        Seen::Cap(cap) if wrap == 0.0 => cap.irradiance(n),
+        Seen::Cap(cap) => cap.wrapped(n, wrap),
+        Seen::Flat(flat) => flat.irradiance(n, wrap),
+        Seen::Line(from, side) => line(from, side, Some((n, wrap)), |w, r| [lobe(wrap, n.dot(w)) / (r * r)])?[0],
         Seen::Dot(to) => {
             let distance = to.length();
-            let value = (n.dot(to) / distance).max(0.0) / distance / distance;
+            let value = lobe(wrap, n.dot(to) / distance) / distance / distance;
             return value.is_finite().then_some(value);
         }
-        Seen::Direction(w) => n.dot(w).max(0.0),
-        Seen::Everywhere => PI,
+        Seen::Direction(w) => lobe(wrap, n.dot(w)),
+        Seen::Everywhere => 2.0 * PI * (1.0 + wrap) / (2.0 + wrap),
         Seen::Nowhere => 0.0,
     })
+}
+
+/// Between 0 and 1, crowded towards both ends where a power of the distance may begin: the place, and its derivative.
+fn crowded(x: f64) -> (f64, f64) {
+    let rest = 1.0 - x;
+    (x.powi(4) * (35.0 - x * (84.0 - x * (70.0 - 20.0 * x))), 140.0 * (x * rest).powi(3))
+}
+
+/// A rule on [0, 1]: place and weight.
+fn on_unit(rule: &GaussLegendre, crowds: bool) -> Vec<(f64, f64)> {
+    let nodes = rule.nodes.iter().zip(&rule.weights).map(|(x, weight)| (0.5 + 0.5 * x, 0.5 * weight));
+    match crowds {
+        false => nodes.collect(),
+        true => nodes.map(|(x, weight)| (crowded(x).0, weight * crowded(x).1)).collect(),
+    }
+}
+
+/// Lambert irradiance of a map, texel by texel: along a row closed between the texel's sides and the horizon, across the row adaptive.
+fn surroundings_irradiance(light: &Environment<f64>, n: DVec3) -> Rgb<f64> {
+    let (width, height) = light.map().size();
+    let n = light.map_from_world() * n;
+    let (across, towards) = (n.x.hypot(n.z), n.x.atan2(-n.z));
+    let mut sum = Rgb::zero();
+    for row in 0..height {
+        let (top, bottom) = (PI * row as f64 / height as f64, PI * (row + 1) as f64 / height as f64);
+        for column in 0..width {
+            let radiance = light.map().texel(row, column);
+            if radiance.max_abs() == 0.0 {
+                continue;
+            }
+            let start = 2.0 * PI * column as f64 / width as f64 - PI - towards;
+            let turn = start - 2.0 * PI * ((start + PI) / (2.0 * PI)).floor();
+            let (from, to) = (turn, turn + 2.0 * PI / width as f64);
+            let e = adaptive(&[top, bottom], &mut |polar| {
+                let (sine, cosine) = polar.sin_cos();
+                let (level, swing) = (n.y * cosine, across * sine);
+                // level + swing cos(a) is above 0 within this angle of 0 and of a whole turn
+                let above = match () {
+                    () if level >= swing => PI,
+                    () if level <= -swing => return [0.0],
+                    () => (-level / swing).clamp(-1.0, 1.0).acos(),
+                };
+                let between = |middle: f64| {
+                    let (a, b) = (from.max(middle - above), to.min(middle + above));
+                    if b > a { level * (b - a) + swing * (b.sin() - a.sin()) } else { 0.0 }
+                };
+                [(between(0.0) + between(2.0 * PI)) * sine]
+            });
+            sum += radiance * (e[0] * light.scale());
+        }
+    }
+    sum
+}
+
+/// SH of a map, texel by texel: Gauss's rule both ways.
+fn surroundings_projection(light: &Environment<f64>) -> [Rgb<f64>; C] {
+    let (width, height) = light.map().size();
+    let world_from_map = light.map_from_world().transpose();
+    let rule = on_unit(gauss_legendre(12), false);
+    let mut sum = [Rgb::zero(); C];
+    for row in 0..height {
+        for column in 0..width {
+            let radiance = light.map().texel(row, column) * light.scale();
+            for (down, weight_down) in &rule {
+                let polar = PI * (row as f64 + down) / height as f64;
+                for (along, weight_along) in &rule {
+                    let longitude = 2.0 * PI * (column as f64 + along) / width as f64 - PI;
+                    let d = DVec3::new(polar.sin() * longitude.sin(), polar.cos(), -polar.sin() * longitude.cos());
+                    let area = 2.0 * PI * PI / (width * height) as f64 * weight_down * weight_along * polar.sin();
+                    let values = basis::<f64, C>(Vector3::of(world_from_map * d));
+                    (0..C).for_each(|i| sum[i] += radiance * (values[i] * area));
+                }
+            }
+        }
+    }
+    sum
 }
 
 fn unit_projection(light: &Light<f64>, p: DVec3) -> Option<[f64; C]> {
@@ -175,7 +279,7 @@ fn dot(to: DVec3) -> Option<[f64; C]> {
 fn line<const N: usize>(
     from: DVec3,
     side: DVec3,
-    horizon: Option<DVec3>,
+    horizon: Option<(DVec3, f64)>,
     mut g: impl FnMut(DVec3, f64) -> [f64; N],
 ) -> Option<[f64; N]> {
     let length = side.length();
@@ -184,7 +288,22 @@ fn line<const N: usize>(
         return None;
     }
     let mut cuts = vec![0.0, nearest, 1.0];
-    cuts.extend(horizon.map(|n| -n.dot(from) / n.dot(side)).filter(|s| (0.0..1.0).contains(s)));
+    if let Some((n, wrap)) = horizon {
+        // n.r = -wrap |r|, squared; without a wrap n.r = 0
+        let (a, b) = (n.dot(side), n.dot(from));
+        let square = wrap * wrap;
+        let quadratic = [
+            a * a - square * side.length_squared(),
+            a * b - square * side.dot(from),
+            b * b - square * from.length_squared(),
+        ];
+        let root = (quadratic[1] * quadratic[1] - quadratic[0] * quadratic[2]).max(0.0).sqrt();
+        let roots = match wrap {
+            0.0 => [-b / a, -b / a],
+            _ => [(-quadratic[1] - root) / quadratic[0], (-quadratic[1] + root) / quadratic[0]],
+        };
+        cuts.extend(roots.into_iter().filter(|s| (0.0..1.0).contains(s)));
+    }
     cuts.sort_by(f64::total_cmp);
     let values = adaptive(&cuts, &mut |s| {
         let r = from + side * s;
@@ -244,6 +363,29 @@ impl Cap {
             })[0];
         }
         sum
+    }
+
+    /// The same for a wrap lobe, around the circles by a rule between the lobe's feet.
+    fn wrapped(&self, n: DVec3, wrap: f64) -> f64 {
+        let along = n.dot(self.towards);
+        let across = n.cross(self.towards).length();
+        let alpha = self.sine.atan2(self.cosine);
+        let (foot, leaning) = ((-wrap).acos(), across.atan2(along));
+        let mut cuts = vec![0.0, alpha, (foot - leaning).abs(), 2.0 * PI - foot - leaning];
+        cuts.retain(|theta| (0.0..=alpha).contains(theta));
+        cuts.sort_by(f64::total_cmp);
+        let rule = on_unit(gauss_legendre(40), true);
+        adaptive(&cuts, &mut |theta| {
+            let (sine, cosine) = theta.sin_cos();
+            let (a, b) = (along * cosine, across * sine);
+            let end = match () {
+                () if a - b >= -wrap => PI,
+                () if a + b <= -wrap => return [0.0],
+                () => ((-wrap - a) / b).clamp(-1.0, 1.0).acos(),
+            };
+            let circle: f64 = rule.iter().map(|(x, weight)| weight * lobe(wrap, a + b * (end * x).cos())).sum();
+            [2.0 * end * circle * sine]
+        })[0]
     }
 
     fn frame(&self) -> (DVec3, DVec3) {
@@ -388,9 +530,14 @@ impl Flat {
         }
     }
 
-    /// Integral of g(w) over the directions in which the emitter is seen; above the horizon of `n` alone where there is one.
-    fn integrate<const N: usize>(&self, n: Option<DVec3>, mut g: impl FnMut(DVec3) -> [f64; N]) -> [f64; N] {
-        let rule = gauss_legendre(16);
+    /// Integral of g(w) over the directions in which the emitter is seen, cut at the foot n.w = -wrap of a lobe where there is one.
+    fn integrate<const N: usize>(
+        &self,
+        horizon: Option<(DVec3, f64)>,
+        mut g: impl FnMut(DVec3) -> [f64; N],
+    ) -> [f64; N] {
+        let wraps = horizon.is_some_and(|(_, wrap)| wrap != 0.0);
+        let rule = on_unit(gauss_legendre(if wraps { 40 } else { 16 }), wraps);
         let mut slice = |alpha: f64, jacobian: f64| -> [f64; N] {
             let (start, length) = self.interval(alpha);
             let mut sum = [0.0; N];
@@ -402,23 +549,24 @@ impl Flat {
             let first = start.atan2(self.height);
             let spread = (length * self.height).atan2(self.height * self.height + start * (start + length));
             let mut shares = vec![0.0, 1.0];
-            if let Some(n) = n {
-                // n.w = -cos(theta) n.m + sin(theta) n.ray
-                let cut = self.normal.dot(n).atan2(n.dot(ray));
-                for cut in [cut, cut + PI] {
+            if let Some((n, wrap)) = horizon {
+                // n.w = -cos(theta) n.m + sin(theta) n.ray = reach sin(theta - level)
+                let (up, out) = (self.normal.dot(n), n.dot(ray));
+                let (level, below) = (up.atan2(out), (wrap / up.hypot(out)).min(1.0).asin());
+                for cut in [level - below, level + below + PI, level + below - PI] {
                     let share = (cut - first) / spread;
                     if share > 0.0 && share < 1.0 {
-                        shares.insert(1, share);
+                        shares.push(share);
                     }
                 }
                 shares.sort_by(f64::total_cmp);
             }
             for pair in shares.windows(2) {
-                for (node, weight) in rule.nodes.iter().zip(&rule.weights) {
-                    let share = pair[0] + (pair[1] - pair[0]) * 0.5 * (1.0 + node);
+                for (node, weight) in &rule {
+                    let share = pair[0] + (pair[1] - pair[0]) * node;
                     let (sine, cosine) = (first + spread * share).sin_cos();
                     let values = g(ray * sine - self.normal * cosine);
-                    let area = 0.5 * weight * (pair[1] - pair[0]) * spread * sine * jacobian;
+                    let area = weight * (pair[1] - pair[0]) * spread * sine * jacobian;
                     (0..N).for_each(|i| sum[i] += values[i] * area);
                 }
             }
@@ -448,8 +596,8 @@ impl Flat {
         }
     }
 
-    fn irradiance(&self, n: DVec3) -> f64 {
-        self.integrate(Some(n), |w| [n.dot(w).max(0.0)])[0]
+    fn irradiance(&self, n: DVec3, wrap: f64) -> f64 {
+        self.integrate(Some((n, wrap)), |w| [lobe(wrap, n.dot(w))])[0]
     }
 
     /// From far: over the area, dw/r {Y (3 w + m/cos_e) - grad_S Y} (Annen et al. 2004). From near: over the contour, which moves

@@ -4,19 +4,18 @@ use std::collections::HashMap;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::file::{Case, Family};
+use super::file::{Case, Family, Model};
 use super::light_integrals::{self, Sample};
 use super::naive;
 use super::rig_definitions::{Coefficients, Defined};
-use crate::candidate::{Arithmetic, CandidateError, Counts, GpuBench, Probes, Recipe, Surroundings, prepare};
+use crate::candidate::{Arithmetic, CandidateError, Counts, GpuBench, Recipe, Surroundings, direct, prepare};
 use crate::experiment::Backend;
-use crate::light::{self, Disk, Light, LightModel, Polygon, Rect, UniformEmitter};
+use crate::light::{Disk, Light, LightModel, Polygon, Rect, UniformEmitter};
 use crate::math::{Rgb, Vector3};
-use crate::probe::GradientSource;
 use crate::rig::interpolation::Interpolation;
 use crate::rig::{AnyRig, Rig};
 use crate::scene::{OrientedBox, SurfacePoint};
-use crate::sh::{Lobe, Window, basis, spread};
+use crate::sh::{Lobe, basis, spread};
 
 /// What a curve is of: one model at one order on one backend, over the whole family.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -93,7 +92,7 @@ pub struct Curve {
 /// The curves of a family that are asked for. Without a GPU none of the GPU's may be.
 pub fn curves(family: &Family, asked: &[CurveId], gpu: Option<&GpuBench>) -> Vec<Curve> {
     // the CPU's work case by case, then the GPU's one after the other
-    let stages: Vec<Vec<Stage>> = family.cases.par_iter().map(|case| stages(case, asked)).collect();
+    let stages: Vec<Vec<Stage>> = family.cases.par_iter().map(|case| stages(case, &family.models, asked)).collect();
     asked
         .iter()
         .map(|id| {
@@ -104,7 +103,7 @@ pub fn curves(family: &Family, asked: &[CurveId], gpu: Option<&GpuBench>) -> Vec
                 .map(|(case, stages)| {
                     let stage = stages.iter().find(|s| (s.model, s.order) == (id.model, id.order));
                     let stage = stage.expect("every model and order asked for was staged");
-                    stage.measured(case, id.gpu, gpu).map_err(|error| error.to_string())
+                    stage.measured(case, &family.models[id.model], id.gpu, gpu).map_err(|error| error.to_string())
                 })
                 .collect();
             Curve { id: id.clone(), points }
@@ -128,21 +127,17 @@ struct Stage {
     naive: Option<Vec<Rgb<f64>>>,
 }
 
-fn recipe(rig: Option<&AnyRig>, order: Option<usize>, arithmetic: Arithmetic) -> Recipe {
-    Recipe {
-        rig: rig.cloned(),
-        volume: None,
-        lights: LightModel::EXACT,
-        transition: None,
-        order: order.unwrap_or(1),
-        gradients: GradientSource::Analytic,
-        window: Window::None,
-        probes: Probes::Analytic,
-        arithmetic,
+fn recipe(rig: Option<&AnyRig>, formula: LightModel, order: Option<usize>, arithmetic: Arithmetic) -> Recipe {
+    Recipe { lights: formula, ..Recipe::new(rig.cloned(), order.unwrap_or(1), arithmetic) }
+}
+
+impl Case {
+    fn around(&self) -> Surroundings<'_> {
+        Surroundings { bounds: self.bounds, lights: &self.lights, wrap: self.wrap, transport: None }
     }
 }
 
-fn stages(case: &Case, asked: &[CurveId]) -> Vec<Stage> {
+fn stages(case: &Case, models: &[Model], asked: &[CurveId]) -> Vec<Stage> {
     let mut wanted: Vec<(usize, Option<usize>)> = asked.iter().map(|id| (id.model, id.order)).collect();
     wanted.sort_unstable();
     wanted.dedup();
@@ -161,19 +156,21 @@ fn stages(case: &Case, asked: &[CurveId]) -> Vec<Stage> {
     let mut stages = Vec::new();
     for model in wanted.iter().map(|w| w.0).collect::<std::collections::BTreeSet<_>>() {
         let rig = case.rigs[model].as_ref();
-        let truth = Truth::new(case, rig, &relative, &samples, &points);
+        let formula = models[model].formula;
+        let truth = Truth::new(case, rig, formula, &relative, &samples, &points);
         for (_, order) in wanted.iter().filter(|w| w.0 == model) {
-            let around = Surroundings { bounds: case.bounds, lights: &case.lights, wrap: 0.0, transport: None };
+            let around = case.around();
             let lit = |arithmetic, around: &Surroundings, points: &[SurfacePoint]| -> (Vec<Rgb<f64>>, Counts) {
-                let lit = prepare(&recipe(rig, *order, arithmetic), around, None).expect("the CPU refuses nothing");
+                let lit =
+                    prepare(&recipe(rig, formula, *order, arithmetic), around, None).expect("the CPU refuses nothing");
                 (lit.irradiance(points).expect("the CPU refuses nothing"), lit.counts())
             };
             let (double, _) = lit(Arithmetic::CpuF64, &around, &points);
-            let (double_rounded, _) = lit(Arithmetic::CpuF64, &rounded.around(), &rounded.points);
+            let (double_rounded, _) = lit(Arithmetic::CpuF64, &rounded.around(case.wrap), &rounded.points);
             let (single, counts) = lit(Arithmetic::CpuF32, &around, &points);
             let singular = match rig {
                 Some(_) => counts.singular,
-                None => rounded.singular_terms(),
+                None => direct::<f32>(&case.lights, formula, &points, &Lobe::new(case.wrap), center).1,
             };
             stages.push(Stage {
                 model,
@@ -194,13 +191,19 @@ fn stages(case: &Case, asked: &[CurveId]) -> Vec<Stage> {
 }
 
 impl Stage {
-    fn measured(&self, case: &Case, on_gpu: bool, gpu: Option<&GpuBench>) -> Result<Measured, CandidateError> {
+    fn measured(
+        &self,
+        case: &Case,
+        model: &Model,
+        on_gpu: bool,
+        gpu: Option<&GpuBench>,
+    ) -> Result<Measured, CandidateError> {
         let values = match on_gpu {
             false => self.single.clone(),
             true => {
                 let rig = case.rigs[self.model].as_ref();
-                let around = Surroundings { bounds: case.bounds, lights: &case.lights, wrap: 0.0, transport: None };
-                prepare(&recipe(rig, self.order, Arithmetic::GpuBuffer), &around, gpu)?.irradiance(&self.points)?
+                let recipe = recipe(rig, model.formula, self.order, Arithmetic::GpuBuffer);
+                prepare(&recipe, &case.around(), gpu)?.irradiance(&self.points)?
             }
         };
         let against = |got: &[Rgb<f64>], expected: &[Rgb<f64>]| largest_error(got, expected, &self.place_of);
@@ -269,16 +272,8 @@ impl Rounded {
         }
     }
 
-    fn around(&self) -> Surroundings<'_> {
-        Surroundings { bounds: self.bounds, lights: &self.lights, wrap: 0.0, transport: None }
-    }
-
-    /// Terms that direct lighting drops in f32.
-    fn singular_terms(&self) -> u64 {
-        let lights: Vec<Light<f32>> = self.lights.iter().map(|light| light.relative_to(DVec3::ZERO)).collect();
-        let lobe = Lobe::lambert();
-        let of = |p: &SurfacePoint| light::irradiance(&lights, Vector3::of(p.position), Vector3::of(p.normal), &lobe);
-        self.points.iter().map(|p| u64::from(of(p).singular)).sum()
+    fn around(&self, wrap: f64) -> Surroundings<'_> {
+        Surroundings { bounds: self.bounds, lights: &self.lights, wrap, transport: None }
     }
 }
 
@@ -324,6 +319,7 @@ impl Samples<'_> {
 struct Truth<'c> {
     case: &'c Case,
     rig: Option<&'c AnyRig>,
+    formula: LightModel,
     /// SH coefficients at every point, of a rig.
     coefficients: Option<Vec<Coefficients>>,
     naive_coefficients: Option<Vec<Coefficients>>,
@@ -335,15 +331,20 @@ impl<'c> Truth<'c> {
     fn new(
         case: &'c Case,
         rig: Option<&'c AnyRig>,
+        formula: LightModel,
         lights: &[Light<f64>],
         samples: &Samples,
         points: &[SurfacePoint],
     ) -> Self {
         let center = case.bounds.center;
-        let mut truth = Self { case, rig, coefficients: None, naive_coefficients: None, direct: None };
+        let mut truth = Self { case, rig, formula, coefficients: None, naive_coefficients: None, direct: None };
         let Some(rig) = rig else {
-            truth.direct =
-                points.iter().map(|p| light_integrals::irradiance(lights, p.position - center, p.normal)).collect();
+            // other formulas than the exact ones give other answers on purpose
+            if formula == LightModel::EXACT {
+                let of =
+                    |p: &SurfacePoint| light_integrals::irradiance(lights, p.position - center, p.normal, case.wrap);
+                truth.direct = points.iter().map(of).collect();
+            }
             return truth;
         };
         let requests = rig.placement(case.bounds.half);
@@ -386,13 +387,14 @@ impl<'c> Truth<'c> {
     fn irradiance(&self, order: Option<usize>, points: &[SurfacePoint]) -> Option<Vec<Rgb<f64>>> {
         match order {
             None => self.direct.clone(),
-            Some(order) => Some(shaded(self.coefficients.as_ref()?, order, points)),
+            Some(order) => Some(shaded(self.coefficients.as_ref()?, self.case.wrap, order, points)),
         }
     }
 
     fn naive(&self, order: Option<usize>, points: &[SurfacePoint]) -> Option<Vec<Rgb<f64>>> {
         match (self.rig, order) {
-            (Some(_), Some(order)) => Some(shaded(self.naive_coefficients.as_ref()?, order, points)),
+            (Some(_), Some(order)) => Some(shaded(self.naive_coefficients.as_ref()?, self.case.wrap, order, points)),
+            _ if self.formula != LightModel::EXACT || self.case.wrap != 0.0 => None,
             _ => {
                 let world: Vec<Light<f32>> =
                     self.case.lights.iter().map(|light| light.relative_to(DVec3::ZERO)).collect();
@@ -406,9 +408,9 @@ impl<'c> Truth<'c> {
     }
 }
 
-/// Irradiance of Lambert's lobe from coefficients cut at an order.
-fn shaded(coefficients: &[Coefficients], order: usize, points: &[SurfacePoint]) -> Vec<Rgb<f64>> {
-    let factors = spread::<f64, 36>(Lobe::<f64>::lambert().bands());
+/// Irradiance from coefficients cut at an order, the lobe's bands by quadrature.
+fn shaded(coefficients: &[Coefficients], wrap: f64, order: usize, points: &[SurfacePoint]) -> Vec<Rgb<f64>> {
+    let factors = spread::<f64, 36>(&light_integrals::bands(wrap));
     coefficients
         .iter()
         .zip(points)

@@ -74,9 +74,9 @@ fn magnitude(model: &Model<f32>, vectors: &ShVectors<f32>, points: &LocalPoints<
 /// Tolerance: 16 roundings of 2^-24 relative to the sum of the terms' absolute values. Both sides sum the same terms in the same
 /// order; the GPU may fuse a multiplication with an addition, writes the basis as polynomials where Rust runs a recurrence
 /// (each good to a few roundings), and a weight is itself a few operations on the point.
-fn disagreement(gpu: &Gpu, wgsl: &str, model: &Model<f32>, vectors: &ShVectors<f32>, half: [f64; 3]) -> f32 {
+fn disagreement(evaluator: Evaluator, model: &Model<f32>, vectors: &ShVectors<f32>, half: [f64; 3]) -> f32 {
     let points = points(half);
-    let got = Evaluator::new(gpu, wgsl, vectors.order).unwrap().evaluate(vectors, &points).unwrap();
+    let got = evaluator.evaluate(vectors, &points).unwrap();
     let expected = on_cpu(model, vectors, &points);
     assert_eq!(got.len(), points.len());
     (0..points.len())
@@ -104,7 +104,8 @@ fn every_rig_agrees_with_its_wgsl_twin() {
                 let order = 1 + (r + usize::from(half != BOXES[0])) % 3;
                 let count = rig.placement(half).iter().map(|request| request.vectors()).sum();
                 let fit = rig.fit(half, vectors(order, count));
-                let off = disagreement(gpu, &rig.wgsl(half), &rig.model(half), &fit.vectors, half);
+                let evaluator = Evaluator::of_rig(gpu, rig, half, order).unwrap();
+                let off = disagreement(evaluator, &rig.model(half), &fit.vectors, half);
                 assert!(off <= 1.0, "{name}, box {half:?}, order {order}: {off} times the tolerance");
                 worst = worst.max(off);
             }
@@ -153,7 +154,8 @@ fn high_orders_agree() {
     on_gpu("high_orders_agree", |gpu| {
         let (half, rig) = (BOXES[0], AnyRig::inline("lattice = { samples = [3, 2, 2] }").unwrap());
         for order in 4..=MAX_ORDER {
-            let off = disagreement(gpu, &rig.wgsl(half), &rig.model(half), &vectors(order, 12), half);
+            let evaluator = Evaluator::of_rig(gpu, &rig, half, order).unwrap();
+            let off = disagreement(evaluator, &rig.model(half), &vectors(order, 12), half);
             assert!(off <= 1.0, "order {order}: {off} times the tolerance");
         }
     });
@@ -169,12 +171,37 @@ fn a_changed_constant_of_a_rig_is_noticed() {
             let fit = rig.fit(half, vectors(1, count));
             let broken = broken_texts(&rig.wgsl(half));
             assert!(!broken.is_empty(), "{name} has no constant");
+            let off = |evaluator: Evaluator| disagreement(evaluator, &rig.model(half), &fit.vectors, half);
             // some numbers have no part in this configuration; the first that has must be seen
-            let noticed =
-                broken.iter().any(|(_, text)| disagreement(gpu, text, &rig.model(half), &fit.vectors, half) > 1.0);
+            let noticed = broken
+                .iter()
+                .any(|(_, text)| off(Evaluator::new(gpu, text, 1).unwrap().with_rows(rig.wgsl_rows(half))) > 1.0);
             assert!(noticed, "{name}: none of {} changed constants was noticed", broken.len());
+            // and the same of the box's numbers, where there is more than one sample to stand between
+            let rows = rig.wgsl_rows(half);
+            if rows.is_empty() || rig.placement(half).len() == 1 {
+                continue;
+            }
+            let evaluator = Evaluator::of_rig(gpu, &rig, half, 1).unwrap();
+            let noticed = (0..4 * rows.len()).any(|k| {
+                let mut broken = rows.clone();
+                broken[k / 4][k % 4] =
+                    broken[k / 4][k % 4] * 1.001 + if broken[k / 4][k % 4] == 0.0 { 1e-3 } else { 0.0 };
+                off(evaluator.clone().with_rows(broken)) > 1.0
+            });
+            assert!(noticed, "{name}: none of {} changed rows was noticed", rows.len());
         }
     });
+}
+
+/// Boxes with the same counts have the same text, so that they share a pipeline, and rows of their own.
+#[test]
+fn boxes_of_any_size_share_a_text() {
+    for entry in catalogue() {
+        let (rig, [a, b]) = (&entry.rig, [BOXES[0], BOXES[5]]);
+        assert_eq!(rig.wgsl(a), rig.wgsl(b), "{}", entry.text);
+        assert!(rig.wgsl_rows(a).is_empty() || rig.wgsl_rows(a) != rig.wgsl_rows(b), "{}", entry.text);
+    }
 }
 
 fn basis_on_gpu(gpu: &Gpu, functions: ShaderText, directions: &[Vector3<f32>], order: usize) -> Vec<f32> {
@@ -277,7 +304,7 @@ fn the_same_bits_every_time_and_no_points_are_no_trouble() {
     on_gpu("the_same_bits_every_time_and_no_points_are_no_trouble", |gpu| {
         let (half, vectors) = (BOXES[0], vectors(3, 1));
         let rig = Constant {};
-        let evaluator = Evaluator::new(gpu, &rig.wgsl(half), 3).unwrap();
+        let evaluator = Evaluator::of_rig(gpu, &rig, half, 3).unwrap();
         let points = points(half);
         let first = evaluator.evaluate(&vectors, &points).unwrap();
         assert_eq!(first, evaluator.evaluate(&vectors, &points).unwrap());

@@ -6,7 +6,7 @@ use super::{Lighting, Quantity, Query, doubles, gradient_step, mean_position, ri
 use crate::candidate::{Arithmetic, FittedRig, GpuBench, Recipe, Surroundings, local_points, prepare};
 use crate::cli::{Exit, Failure};
 use crate::gpu::{AdapterKind, Evaluator, Gpu};
-use crate::rig::{AnyRig, Rig};
+use crate::rig::AnyRig;
 use crate::scene::{OrientedBox, SurfacePoint};
 
 /// A rig from its buffer, or every light at every point.
@@ -31,7 +31,7 @@ pub(super) fn values(
     match rig {
         Some(rig) => {
             let bounds = bounds.expect("a rig was refused without a box");
-            let evaluator = Evaluator::new(&gpu, &rig.wgsl(bounds.half), usize::from(args.order));
+            let evaluator = Evaluator::of_rig(&gpu, &rig, bounds.half, usize::from(args.order));
             let reader = Reader { evaluator: evaluator.map_err(Failure::internal)?, bounds };
             rig_values::<f32>(args, lighting, rig, bounds, |fitted| reader.read(args.quantity, fitted, points))
         }

@@ -11,5 +11,5 @@ fn corrected_nodes(axis: GridAxis, q: f32) -> Nodes {
 }
 
 fn rig_taps(q: vec3f) {
-    tensor_taps(corrected_nodes(GRID_X, q.x), corrected_nodes(GRID_Y, q.y), corrected_nodes(GRID_Z, q.z));
+    tensor_taps(corrected_nodes(grid_x(), q.x), corrected_nodes(grid_y(), q.y), corrected_nodes(grid_z(), q.z));
 }

@@ -5,20 +5,20 @@ struct Sides { lower: u32, count: u32, squared: array<f32, 2> }
 
 fn inverse_distance_sides(axis: GridAxis, q: f32) -> Sides {
     if axis.count == 1u {
-        let side = grid_clamp(axis, q) * GRID_PER_REACH;
+        let side = grid_clamp(axis, q) * grid_per_reach();
         return Sides(0u, 1u, array<f32, 2>(side * side, 0.0));
     }
     let cell = grid_cell(axis, q);
-    let spacing = axis.spacing * GRID_PER_REACH;
+    let spacing = axis.spacing * grid_per_reach();
     let below = cell.t * spacing;
     let above = (1.0 - cell.t) * spacing;
     return Sides(cell.lower, 2u, array<f32, 2>(below * below, above * above));
 }
 
 fn rig_taps(q: vec3f) {
-    var x = inverse_distance_sides(GRID_X, q.x);
-    var y = inverse_distance_sides(GRID_Y, q.y);
-    var z = inverse_distance_sides(GRID_Z, q.z);
+    var x = inverse_distance_sides(grid_x(), q.x);
+    var y = inverse_distance_sides(grid_y(), q.y);
+    var z = inverse_distance_sides(grid_z(), q.z);
     var distances: array<f32, 8>;
     // above any distance in units of the box
     var nearest = 1e9;

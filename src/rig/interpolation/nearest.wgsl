@@ -7,5 +7,5 @@ fn nearest_index(axis: GridAxis, q: f32) -> u32 {
 }
 
 fn rig_taps(q: vec3f) {
-    tap(grid_value_vector(nearest_index(GRID_X, q.x), nearest_index(GRID_Y, q.y), nearest_index(GRID_Z, q.z)), 1.0);
+    tap(grid_value_vector(nearest_index(grid_x(), q.x), nearest_index(grid_y(), q.y), nearest_index(grid_z(), q.z)), 1.0);
 }

@@ -40,7 +40,7 @@ impl Scheme for Tricubic {
     fn wgsl(&self) -> String {
         format!(
             "{}\nfn rig_taps(q: vec3f) {{\n    \
-             tensor_taps(hermite_nodes(GRID_X, q.x), hermite_nodes(GRID_Y, q.y), hermite_nodes(GRID_Z, q.z));\n}}\n",
+             tensor_taps(hermite_nodes(grid_x(), q.x), hermite_nodes(grid_y(), q.y), hermite_nodes(grid_z(), q.z));\n}}\n",
             include_str!("tricubic.wgsl")
         )
     }

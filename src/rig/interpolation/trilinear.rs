@@ -30,7 +30,7 @@ impl Scheme for Trilinear {
     fn wgsl(&self) -> String {
         format!(
             "{}\nfn rig_taps(q: vec3f) {{\n    \
-             tensor_taps(linear_nodes(GRID_X, q.x), linear_nodes(GRID_Y, q.y), linear_nodes(GRID_Z, q.z));\n}}\n",
+             tensor_taps(linear_nodes(grid_x(), q.x), linear_nodes(grid_y(), q.y), linear_nodes(grid_z(), q.z));\n}}\n",
             include_str!("trilinear.wgsl")
         )
     }
