@@ -7,6 +7,7 @@
 pub mod schema;
 
 use std::fmt;
+use std::io::Read;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -62,15 +63,21 @@ pub struct Source {
     pub text: String,
 }
 
+/// A file's bytes, at most so many: a device or a pipe has no length that could be looked at before.
+pub fn read_bounded(path: &Path, most: u64, what: &str) -> Result<Vec<u8>, InputError> {
+    let unreadable = |e: std::io::Error| InputError::of_file(path, format!("cannot be read: {e}"));
+    let mut bytes = Vec::new();
+    std::fs::File::open(path).map_err(unreadable)?.take(most + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    match bytes.len() as u64 > most {
+        true => Err(InputError::of_file(path, format!("{what} has at most {most} bytes; this one is larger"))),
+        false => Ok(bytes),
+    }
+}
+
 impl Source {
     /// Reads a UTF-8 file.
     pub fn read(path: &Path) -> Result<Self, InputError> {
-        let length =
-            std::fs::metadata(path).map_err(|e| InputError::of_file(path, format!("cannot be read: {e}")))?.len();
-        if length > LARGEST_FILE {
-            return Err(InputError::of_file(path, format!("{length} bytes; a TOML file has at most {LARGEST_FILE}")));
-        }
-        let bytes = std::fs::read(path).map_err(|e| InputError::of_file(path, format!("cannot be read: {e}")))?;
+        let bytes = read_bounded(path, LARGEST_FILE, "a TOML file")?;
         let text = String::from_utf8(bytes).map_err(|e| {
             InputError::of_file(path, format!("not UTF-8 text (byte {})", e.utf8_error().valid_up_to()))
         })?;

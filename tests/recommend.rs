@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use assert_cmd::Command;
+
 use rigbench::rig::{AnyRig, Rig, RigModel};
 use rigbench::run::recommend::{CostModel, Place, Search, Work, exhaustive, exhaustive_work, signature, space, toml};
 use rigbench::scene::{Layout, OrientedBox, Scene};
@@ -94,4 +96,108 @@ fn every_rig_of_the_space_can_be_pasted() {
     for rig in space(&[1, 2, 3]) {
         assert_eq!(AnyRig::inline(&toml(&rig)).unwrap(), rig, "{}", toml(&rig));
     }
+}
+
+/// A folder with a box, a box beside a wall, a box that moves, and four layouts.
+fn project() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    };
+    let block = "schema_version = 1\n[[object]]\nname = \"block\"\nreceiver = true\n\
+                 shape = { box = { min = [-1, -0.3, -0.4], max = [1, 0.3, 0.4] } }\n";
+    write("scenes/block.toml", block);
+    let wall =
+        "[[object]]\nname = \"wall\"\nshape = { quad = { center = [0, -1, 0], u = [4, 0, 0], v = [0, 0, -4] } }\n";
+    write("scenes/walled.toml", &format!("{block}{wall}"));
+    let path = "path = { points = [[0, 0, 0], [0.5, 0, 0], [1, 0.5, 0]] }\n[animation]\nframes = 3\n";
+    write("scenes/moving.toml", &format!("{block}{path}"));
+    let layout = |light: &str| format!("schema_version = 1\n[[light]]\n{light}\n");
+    let near = layout("sphere = { center = [1.6, 1, 0.2], radius = 0.3, radiance = [8, 6, 4] }");
+    write("scenes/lights/near.toml", &near);
+    write("scenes/lights/far.toml", &layout("sphere = { center = [-6, 5, 3], radius = 1, radiance = [9, 9, 9] }"));
+    write("scenes/lights/dark.toml", "schema_version = 1\n");
+    folder
+}
+
+fn rigbench(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
+    let output = Command::cargo_bin("rigbench").unwrap().current_dir(folder).args(arguments).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+#[test]
+fn what_it_recommends_runs_in_an_experiment() {
+    let folder = project();
+    let at = folder.path();
+    let asked = ["recommend", "block", "--lights", "near", "far", "--error", "8%", "--order", "2", "--explain"];
+    let (exit, out, log) = rigbench(at, &[&asked[..], &["--json"]].concat());
+    assert_eq!(exit, 0, "{log}");
+    let found: serde_json::Value = serde_json::from_str(&out).unwrap();
+    let (rig, error) = (found["rig"].as_str().unwrap(), found["error"].as_f64().unwrap());
+    assert!(error <= 0.08 && found["left_out"].as_array().unwrap().is_empty(), "{out}");
+    assert_eq!(found["explain"].as_array().unwrap().len(), 3);
+    let places = found["places"].as_array().unwrap();
+    assert_eq!(places.len(), 2);
+    // pasted: the sweep measures what the search said, and the floor that it named
+    let experiment = format!(
+        "schema_version = 1\nname = \"pasted\"\n[matrix]\nscene = [\"block\"]\nlights = [\"near\", \"far\"]\n\
+         rig = [\"found\"]\norder = [2]\nbackend = [\"cpu\"]\n[timing]\nwarmup = 0\nrepeat = 1\n[image]\nwidth = 16\nheight = 9\nkeep = \"none\"\n\
+         [rig.found]\n{rig}\n[[threshold]]\nmetric = \"interpolation_nrmse\"\nmax = 0.08\n"
+    );
+    std::fs::create_dir_all(at.join("experiments")).unwrap();
+    std::fs::write(at.join("experiments/pasted.toml"), experiment).unwrap();
+    let (exit, _, log) = rigbench(at, &["run", "experiments/pasted.toml", "--no-figures", "--no-report"]);
+    assert_eq!(exit, 0, "{log}");
+    let rows: Vec<BTreeMap<String, String>> = csv::Reader::from_path(at.join("results/pasted/results.csv"))
+        .unwrap()
+        .deserialize()
+        .collect::<Result<_, _>>()
+        .unwrap();
+    let number = |row: &BTreeMap<String, String>, name: &str| row[name].parse::<f64>().unwrap();
+    let worst = rows.iter().map(|row| number(row, "interpolation_nrmse")).fold(0.0, f64::max);
+    assert!((worst / error - 1.0).abs() < 1e-3, "{worst} measured, {error} said");
+    for (row, place) in rows.iter().zip(places) {
+        let said = place["truncation_nrmse"].as_f64().unwrap();
+        assert!((number(row, "truncation_nrmse") / said - 1.0).abs() < 1e-6, "{place}");
+    }
+}
+
+#[test]
+fn it_says_what_it_cannot_do() {
+    let folder = project();
+    let at = folder.path();
+    for bad in ["2", "-2%", "0", "0%", "two", "inf", "nan", "1e-323%", "100", "%"] {
+        let word = format!("--error={bad}");
+        let (exit, _, log) = rigbench(at, &["recommend", "block", "--lights", "near", &word]);
+        assert_eq!(exit, 2, "{bad}: {log}");
+    }
+    let (_, _, log) = rigbench(at, &["recommend", "block", "--lights", "near", "--error", "2"]);
+    assert!(log.contains("2%") && log.contains("0.02"), "{log}");
+    // out of reach: the floor, the best that there is, and an exit of its own
+    let (exit, out, log) =
+        rigbench(at, &["recommend", "block", "--lights", "near", "--error", "0.0001 %", "--order", "1"]);
+    assert_eq!((exit, out.as_str()), (4, ""), "{log}");
+    assert!(log.contains("floor of the order") && log.contains("the best adds"), "{log}");
+    let json = ["recommend", "block", "--lights", "near", "--error", "1e-6", "--order", "1", "--json"];
+    let (exit, out, _) = rigbench(at, &json);
+    let found: serde_json::Value = serde_json::from_str(&out).unwrap();
+    assert!(exit == 4 && found["rig"].is_null() && found["best"]["error"].as_f64().unwrap() > 1e-6, "{out}");
+    // a layout without light, and unknown names
+    assert_eq!(rigbench(at, &["recommend", "block", "--lights", "dark", "--error", "5%"]).0, 4);
+    assert_eq!(rigbench(at, &["recommend", "block", "--lights", "nera", "--error", "5%"]).0, 3);
+    assert_eq!(rigbench(at, &["recommend", "block", "--lights", "near#3", "--error", "5%"]).0, 2);
+    assert_eq!(rigbench(at, &["recommend", "blok", "--lights", "near", "--error", "5%"]).0, 3);
+    // what blocks light is left out, and that is said
+    let wide = ["recommend", "walled", "--lights", "near", "--error", "60%", "--order", "1"];
+    let (exit, out, log) = rigbench(at, &wide);
+    assert_eq!(exit, 0, "{log}");
+    assert!(out.contains("left out: this scene calls for"), "{out}");
+    assert!(out.contains("[rig.walled]"), "{out}");
+    // every frame of what moves
+    let (exit, out, log) = rigbench(at, &["recommend", "moving", "--lights", "near", "--error", "60%", "--order", "1"]);
+    assert_eq!(exit, 0, "{log}");
+    assert!(out.contains("3 place(s)") && out.contains("near frame "), "{out}");
 }

@@ -606,3 +606,49 @@ fn hostile_sizes_are_refused_at_once() {
     }
     assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
 }
+
+/// Small files that ask for far more than they hold: refused at once, with a place.
+#[test]
+fn hostile_counts_are_refused_at_once() {
+    let start = std::time::Instant::now();
+    let (_folder, path) = small_root();
+    let refuse = |text: &str, word: &str, read: &dyn Fn() -> Option<InputError>| {
+        std::fs::write(&path, text).unwrap();
+        let error = read().unwrap_or_else(|| panic!("{word}: it was read"));
+        assert!(error.message.contains(word) && error.place.is_some(), "{error}");
+    };
+    let layout = "schema_version = 1\n[random]\nlayouts = 100000\nlights = 100000\nkinds = [\"sphere\"]\n\
+                  distance = [1, 2]\nsize = [0.1, 0.2]\npower = 1\n";
+    refuse(layout, "lights in all", &|| Layout::load(&path).err());
+    // an axis of rigs times an axis of windows times orders: a million candidates from a few kilobytes
+    let (mut rigs, mut names) = (String::new(), Vec::new());
+    for k in 1..=300 {
+        rigs += &format!("[rig.r{k}]\nlattice = {{ samples = [{}, {}, {}] }}\n", 1 + k % 8, 1 + k / 8 % 8, 1 + k / 64);
+        names.push(format!("\"r{k}\""));
+    }
+    let (mut windows, mut words) = (String::new(), Vec::new());
+    for k in 1..=300 {
+        windows += &format!("[window.w{k}]\nhann = {{ width = {}.5 }}\n", k + 3);
+        words.push(format!("\"w{k}\""));
+    }
+    let wide = format!(
+        "schema_version = 1\nname = \"wide\"\n[matrix]\nscene = [\"bounds\"]\nlights = [\"three-lamps\"]\n\
+         rig = [{}]\nwindow = [{}]\norder = [1, 2, 3, 4, 5, 6]\nbackend = [\"cpu\", \"gpu\"]\n{rigs}{windows}",
+        names.join(", "),
+        words.join(", ")
+    );
+    refuse(&wide, "candidates", &|| Experiment::load(&path).err());
+    // a thousand values of the parameter, each with a thousand points
+    let points: Vec<&str> = std::iter::repeat_n("{ position = [0, 0, 0] }", 1000).collect();
+    let deep = HARD_CASES.replace("steps = 4", "steps = 999").replace(
+        "point = [{ position = [0, \"=sqrt(t)\", 0], normals = [[1, \"=t\", 0]] }]",
+        &format!("point = [{}]", points.join(", ")),
+    );
+    refuse(&deep, "over the values of all parameters", &|| HardCases::load(&path).err());
+    for (text, word) in
+        [("steps = 999999999", "steps"), ("steps = -4", "steps"), ("steps = 4, values = [1.0]", "values")]
+    {
+        refuse(&HARD_CASES.replace("steps = 4", text), word, &|| HardCases::load(&path).err());
+    }
+    assert!(start.elapsed().as_secs() < 30, "{:?}", start.elapsed());
+}

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use super::{BoundingSphere, LightSample, LightShape, ShGradient, Term};
 use crate::input::{Finite, InputError, Source, Spanned, schema};
 use crate::math::{Real, Rgb, Vector3, gauss_legendre};
-use crate::picture::{Picture, picture_of};
+use crate::picture::{Picture, picture_bytes, picture_of};
 use crate::sh::{Lobe, MAX_COEFFICIENTS, MAX_ORDER, Rotation, ShRgb, basis};
 
 /// Light from infinity by a lat-long map: each texel radiates uniformly over its solid angle.
@@ -185,8 +185,7 @@ const WIDEST: usize = 16384;
 impl EnvironmentMap {
     /// Reads an .exr (first layer with R, G, B, or Y) or .hdr file. The error says what is wrong with it.
     pub fn load(path: &Path) -> Result<Self, String> {
-        let bytes = std::fs::read(path).map_err(|e| format!("cannot be read: {e}"))?;
-        Self::of_bytes(path, &bytes)
+        Self::of_bytes(path, &picture_bytes(path)?)
     }
 
     /// The same from a file's bytes; the path's ending says of which kind.
@@ -369,10 +368,13 @@ impl EnvironmentMap {
         // circles from pole to `first` lie on one side of the horizon whole, and from `last` on on the other
         let first = across.atan2(n.y.abs());
         let (first, last) = (PI / 2.0 - first, PI / 2.0 + first);
-        let height = PI / self.height as f64;
+        // rows in as many parts as make 256 of them: where the horizon leaves a texel by its side, the integrand has a kink
+        let parts = 256usize.div_ceil(self.height);
+        let height = PI / (self.height * parts) as f64;
         let mut sum = Rgb::zero();
-        for row in 0..self.height {
-            let (start, end) = (self.polar(row), self.polar(row) + height);
+        for part in 0..self.height * parts {
+            let (row, start) = (part / parts, height * part as f64);
+            let end = start + height;
             let mut cuts = [start, first.clamp(start, end), last.clamp(start, end), end];
             cuts.sort_by(f64::total_cmp);
             let whole = self.whole_row(row);

@@ -1,5 +1,6 @@
 //! Image files of any program's making: OpenEXR and Radiance HDR.
 
+use std::io::Read;
 use std::path::Path;
 
 use exr::prelude::{ReadChannels, ReadLayers, read};
@@ -12,8 +13,21 @@ use super::guard::{exr_is_believable, hdr_is_believable};
 /// An OpenEXR file may hold several layers, told apart by parts or by channel names `LAYER.R`; `layer` names the one that is
 /// wanted. Without a name it is the layer of plain R, G, B (or Y alone, then grey), else the only one there is.
 pub fn read_picture(path: &Path, layer: Option<&str>) -> Result<Picture, String> {
-    let bytes = std::fs::read(path).map_err(|e| format!("cannot be read: {e}"))?;
-    picture_of(&bytes, path, layer)
+    picture_of(&picture_bytes(path)?, path, layer)
+}
+
+/// The most bytes of a picture's file.
+const LARGEST_FILE: u64 = 1 << 32;
+
+/// The bytes of a picture's file; a device that never ends is none.
+pub fn picture_bytes(path: &Path) -> Result<Vec<u8>, String> {
+    let mut bytes = Vec::new();
+    let file = std::fs::File::open(path).map_err(|e| format!("cannot be read: {e}"))?;
+    file.take(LARGEST_FILE + 1).read_to_end(&mut bytes).map_err(|e| format!("cannot be read: {e}"))?;
+    match bytes.len() as u64 > LARGEST_FILE {
+        true => Err(format!("a picture has at most {LARGEST_FILE} bytes; this one is larger")),
+        false => Ok(bytes),
+    }
 }
 
 /// As [`read_picture`], from the file's bytes; the path tells the kind of file by its ending.

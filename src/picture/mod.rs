@@ -5,7 +5,7 @@ mod guard;
 mod layered;
 mod tone;
 
-pub use file::{picture_of, read_picture};
+pub use file::{picture_bytes, picture_of, read_picture};
 pub use guard::{exr_is_believable, hdr_is_believable};
 pub use layered::LayeredImage;
 pub use tone::{Exposure, linear_of_srgb, srgb_of_linear};

@@ -17,6 +17,9 @@ const TINT: f64 = 0.2;
 /// The most layouts of a family, and lights of a layout.
 const MOST: i64 = 100_000;
 
+/// The most lights of all layouts together.
+const MOST_LIGHTS: usize = 1_000_000;
+
 /// `[random]` as it is written.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -278,15 +281,12 @@ impl RandomFile {
             let message = format!("power {} to {}; it must be above 0, the least before the most", power[0], power[1]);
             return Err(source.error(self.power.span(), message));
         }
-        Ok(RandomLayouts {
-            seed: self.seed,
-            layouts: count(&self.layouts, "layouts")?,
-            lights: count(&self.lights, "lights")?,
-            kinds,
-            distance,
-            size,
-            power,
-        })
+        let (layouts, lights) = (count(&self.layouts, "layouts")?, count(&self.lights, "lights")?);
+        if layouts * lights > MOST_LIGHTS {
+            let message = format!("{layouts} layouts of {lights} lights; at most {MOST_LIGHTS} lights in all");
+            return Err(source.error(self.lights.span(), message));
+        }
+        Ok(RandomLayouts { seed: self.seed, layouts, lights, kinds, distance, size, power })
     }
 }
 

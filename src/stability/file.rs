@@ -14,7 +14,7 @@ use super::measure::{COLUMNS, CurveId};
 use crate::experiment::{AxisValue, AxisValues, CheckSettings, Document, Override, take_table};
 use crate::input::{Finite, Finite3, InputError, Source, Spanned};
 use crate::light::{Light, LightFile, LightModel, shader_kinds};
-use crate::rig::{AnyRig, RigFile};
+use crate::rig::{AnyRig, Centers, Rbf, RigFile};
 use crate::scene::{OrientedBox, root};
 use crate::sh::{Lobe, MAX_ORDER};
 
@@ -235,8 +235,26 @@ impl<'de> Deserialize<'de> for NoPath {
 
 const FORGIVEN: &str = "factor by which a rounding error may grow against the baseline";
 
-/// The most values of a parameter, and the most lights and places of a case.
+/// The most values of a parameter, and the most places of a case.
 const MOST: usize = 1000;
+
+/// The most normals, lights, rigs' centres and sixteens of texels over all cases of a file: every value of a parameter has its own.
+const MOST_IN_ALL: usize = 1_000_000;
+
+/// What a case holds of these.
+fn held_by(case: &Case) -> usize {
+    let light = |light: &Light<f64>| match light {
+        Light::Environment(environment) => 1 + environment.map().size().0 * environment.map().size().1 / 16,
+        Light::Polygon(polygon) => polygon.vertices().len(),
+        _ => 1,
+    };
+    let rig = |rig: &Option<AnyRig>| match rig {
+        Some(AnyRig::Rbf(Rbf { centers: Centers::Points(points), .. })) => points.len(),
+        _ => 1,
+    };
+    let normals = case.places.iter().map(|place| place.normals.len()).sum::<usize>();
+    normals + case.lights.iter().map(light).sum::<usize>() + case.rigs.iter().map(rig).sum::<usize>()
+}
 
 impl HardCases {
     pub fn load(path: &Path) -> Result<Self, InputError> {
@@ -506,6 +524,7 @@ fn read_family(
     };
     let of_all = models.len();
     let mut cases = Vec::new();
+    let mut held: usize = before.iter().flat_map(|family| &family.cases).map(held_by).sum();
     for t in values(&head.parameter, source)? {
         let (case, variants) = read_case(&rest, span.clone(), t, source)?;
         if cases.is_empty() {
@@ -530,7 +549,14 @@ fn read_family(
                 format!("the formula `{word}` of a {shape} knows the clamped cosine alone; this family wraps");
             return Err(source.error(span, message));
         }
-        cases.push(Case { rigs: of_case, ..case });
+        let case = Case { rigs: of_case, ..case };
+        held += held_by(&case);
+        if held > MOST_IN_ALL {
+            let message =
+                format!("more than {MOST_IN_ALL} normals, lights and centres over the values of all parameters");
+            return Err(source.error(span, message));
+        }
+        cases.push(case);
     }
     if models.is_empty() {
         return Err(source.error(span, "a family without a model"));

@@ -10,11 +10,12 @@ use crate::sh::Lobe;
 #[derive(Clone, Debug)]
 pub struct RepresentativePoint<T>(pub Rect<T>);
 
-/// tan(Omega/2) of a triangle as numerator and denominator, made an angle; corners relative to the point.
-fn triangle_solid_angle<T: Real>(a: Vector3<T>, b: Vector3<T>, c: Vector3<T>) -> T {
+/// tan(Omega/2) of a triangle as numerator and denominator, made an angle; a corner relative to the point and the sides from there.
+fn triangle_solid_angle<T: Real>(a: Vector3<T>, to_b: Vector3<T>, to_c: Vector3<T>) -> T {
+    let (b, c) = (a + to_b, a + to_c);
     let (la, lb, lc) = (a.length(), b.length(), c.length());
-    // a.(b x c) from two edges: nothing cancels for a far triangle
-    let volume = a.dot((b - a).cross(c - a)).abs();
+    // a.(b x c) from two sides: nothing cancels for a far triangle
+    let volume = a.dot(to_b.cross(to_c)).abs();
     let spread = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
     T::of(2.0) * volume.atan2(spread)
 }
@@ -29,13 +30,19 @@ impl<T: Real> RepresentativePoint<T> {
         let dh = half.unwrap_or(-m);
         // a ray that does not come down is laid along the plane
         let slope = dh.dot(m).min(T::of(-1e-6));
-        let at = dh * (to.dot(m) / slope) - to;
+        let ray = dh * (to.dot(m) / slope);
+        let at = ray - to;
         let [u, v] = rect.half_edges();
         let (uu, uv, vv) = (u.dot(u), u.dot(v), v.dot(v));
         let (au, av) = (at.dot(u), at.dot(v));
         let determinant = uu * vv - uv * uv;
+        let (x, y) = ((au * vv - av * uv) / determinant, (av * uu - au * uv) / determinant);
+        // inside the rect the ray's own end: a sum of the centre and edges would lose a point close by
+        if x.abs().max(y.abs()) <= T::one() {
+            return ray;
+        }
         let clamp = |x: T| x.max(-T::one()).min(T::one());
-        to + u * clamp((au * vv - av * uv) / determinant) + v * clamp((av * uu - au * uv) / determinant)
+        to + u * clamp(x) + v * clamp(y)
     }
 }
 
@@ -47,8 +54,9 @@ impl<T: Real> UniformEmitter<T> for RepresentativePoint<T> {
         if !(to.dot(self.0.normal()) < T::zero()) {
             return Term::regular(T::zero());
         }
-        let [a, b, c, d] = self.0.corners().map(|corner| corner - p);
-        let solid_angle = triangle_solid_angle(a, b, c) + triangle_solid_angle(a, c, d);
+        let [u, v] = self.0.half_edges().map(|edge| edge * T::of(2.0));
+        let a = to - (u + v) * T::of(0.5);
+        let solid_angle = triangle_solid_angle(a, u, u + v) + triangle_solid_angle(a, u + v, v);
         let facing = self.point(to, n).normalized().map_or(T::zero(), |w| n.dot(w).max(T::zero()));
         Term::regular(solid_angle * facing)
     }

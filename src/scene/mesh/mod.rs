@@ -119,12 +119,7 @@ fn extension_list() -> String {
 
 /// A file's bytes, if it is not larger than a mesh may be.
 fn read_bounded(path: &Path) -> Result<Vec<u8>, InputError> {
-    let unreadable = |e: std::io::Error| InputError::of_file(path, format!("cannot be read: {e}"));
-    let length = std::fs::metadata(path).map_err(unreadable)?.len();
-    if length > LARGEST_FILE {
-        return Err(InputError::of_file(path, format!("{length} bytes; a mesh file has at most {LARGEST_FILE}")));
-    }
-    std::fs::read(path).map_err(unreadable)
+    crate::input::read_bounded(path, LARGEST_FILE, "a mesh file")
 }
 
 /// What a reader makes of a file: indices are in range, numbers are finite.
