@@ -6,7 +6,7 @@ use std::path::Path;
 use assert_cmd::Command;
 
 use rigbench::rig::{AnyRig, Rig, RigModel};
-use rigbench::run::recommend::{CostModel, Place, Search, Work, exhaustive, exhaustive_work, signature, space, toml};
+use rigbench::run::recommend::{CostModel, Place, Search, Work, exhaustive, exhaustive_work, signature, space, taken, toml};
 use rigbench::scene::{Layout, OrientedBox, Scene};
 
 fn root() -> &'static Path {
@@ -89,6 +89,13 @@ fn the_pruned_search_finds_the_winner_of_the_exhaustive_one() {
     let cheap = Search::new(places, 2, *target).run(&rigs, &costs(&rigs, 1), 0).ranking[0].toml.clone();
     let dear = Search::new(places, 2, *target).run(&rigs, &other, 0).ranking[0].toml.clone();
     assert_ne!(cheap, dear);
+}
+
+#[test]
+fn of_rigs_that_are_equally_fast_the_first_predicted_is_taken() {
+    assert_eq!(taken(&[(10.4, 0.3), (10.0, 0.2), (9.0, 3.0)]), 0);
+    assert_eq!(taken(&[(10.4, 0.1), (10.0, 0.2), (9.0, 0.1)]), 2);
+    assert_eq!(taken(&[(7.0, 0.0)]), 0);
 }
 
 #[test]

@@ -8,7 +8,7 @@ use serde_json::json;
 use super::{Exit, Failure, print};
 use crate::candidate::GpuBench;
 use crate::gpu::{AdapterKind, Gpu};
-use crate::run::recommend::{COUNTS, CostModel, Place, Ranked, Search, exhaustive_work, measured_frames, space};
+use crate::run::recommend::{COUNTS, CostModel, Place, Ranked, Search, exhaustive_work, measured_frames, space, taken};
 use crate::scene::{Layout, OrientedBox, Scene, resolve_layout, resolve_scene};
 use crate::sh::MAX_ORDER;
 use crate::trace::{Effects, EffectsChoice, SceneFacts};
@@ -146,9 +146,11 @@ impl Recommend {
         // the order of predictions is put to the clock
         let ranked: Vec<_> = found.ranking.iter().map(|rank| rank.rig.clone()).collect();
         let times = measured_frames(&places, &ranked, order, gpu.as_ref()).map_err(Failure::internal)?;
+        let first = taken(&times);
         let mut ranking: Vec<(&Ranked, (f64, f64))> = found.ranking.iter().zip(times).collect();
+        let (chosen, chosen_time) = ranking.remove(first);
         ranking.sort_by(|a, b| a.1.0.total_cmp(&b.1.0));
-        let (chosen, chosen_time) = ranking[0];
+        ranking.insert(0, (chosen, chosen_time));
         let (error, doubt) = search.error_with_doubt(&chosen.rig);
         let reasons = if self.explain { search.explain(&rigs, &costs, chosen) } else { Vec::new() };
         if self.json {
@@ -215,7 +217,7 @@ impl Recommend {
             Some((_, (time, mad))) if time - mad > chosen_time.0 + chosen_time.1 => {
                 format!("; the next is {:.0} % slower\n", 100.0 * (time / chosen_time.0 - 1.0))
             }
-            Some(_) => "; the next is as fast within the spread of the clock\n".to_owned(),
+            Some(_) => "; the next is as fast within the spread of the clock: simpler ones go first\n".to_owned(),
             None => "\n".to_owned(),
         };
         text += &format!("\n[rig.{}]\n{}\n", scene.name, chosen.toml);

@@ -148,7 +148,9 @@ impl Drawing {
     }
 
     pub fn line(&mut self, points: impl Into<Vec<[f64; 2]>>, stroke: Stroke) {
-        self.items.push(Item::Line { points: points.into(), stroke });
+        let mut points: Vec<[f64; 2]> = points.into();
+        points.retain(|place| place.iter().all(|c| c.is_finite()));
+        self.items.push(Item::Line { points, stroke });
     }
 
     pub fn polygon(&mut self, points: impl Into<Vec<[f64; 2]>>, fill: Option<Colour>, stroke: Option<Stroke>) {

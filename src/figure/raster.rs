@@ -241,7 +241,8 @@ fn dashes(path: &[[f64; 2]], on: f64, off: f64) -> Vec<Vec<[f64; 2]>> {
         let (mut from, to) = (pair[0], pair[1]);
         loop {
             let length = (to[0] - from[0]).hypot(to[1] - from[1]);
-            if length <= left {
+            // a place that is no number ends the line's dashes, not the program's patience
+            if length.is_nan() || length <= left {
                 left -= length;
                 if drawing {
                     piece.push(to);

@@ -124,11 +124,12 @@ impl Scale {
         let zero = values.clone().into_iter().any(|v| !kept(&v));
         let exact = values.clone().into_iter().all(|v| v <= 0.0 || kept(&v));
         let (low, high) = bounds(values.into_iter().filter(kept)).unwrap_or((1.0, 10.0));
-        let decades = (high / low).log10();
+        let decades = high.log10() - low.log10();
         // one value alone, or nearly so, still gets most of a decade
         let air = (0.07 * decades).max(0.06).max(0.5 * (0.7 - decades));
         let factor = 10f64.powf(air);
-        Self::Log { low: low / factor, high: high * factor, zero: if zero { 0.09 } else { 0.0 }, exact }
+        let (low, high) = ((low / factor).max(f64::MIN_POSITIVE), (high * factor).min(f64::MAX));
+        Self::Log { low, high, zero: if zero { 0.09 } else { 0.0 }, exact }
     }
 
     pub fn position(&self, value: f64) -> f64 {
@@ -136,7 +137,9 @@ impl Scale {
             Self::Linear { low, high } => (value - low) / (high - low),
             Self::Root { high } => (value.max(0.0) / high).sqrt(),
             Self::Log { low, zero, .. } if value <= 0.0 || (zero > 0.0 && value < low) => 0.4 * zero,
-            Self::Log { low, high, zero, .. } => zero + (1.0 - zero) * (value / low).ln() / (high / low).ln(),
+            Self::Log { low, high, zero, .. } => {
+                zero + (1.0 - zero) * (value.ln() - low.ln()) / (high.ln() - low.ln())
+            }
         }
     }
 
@@ -217,6 +220,8 @@ impl Scale {
                     every(2),
                     every(3),
                     every(6),
+                    every(24),
+                    every(96),
                 ];
                 let enough = |v: &[f64]| (3..=8).contains(&v.len()) && fits(v);
                 let chosen = sets.iter().rev().find(|v| enough(v)).or_else(|| sets.iter().find(|v| fits(v)));
@@ -259,6 +264,16 @@ fn bounds(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_logarithmic_scale_holds_all_that_f64_holds() {
+        let values = [f64::MIN_POSITIVE / 4.0, 1e-300, 1.0, f64::MAX];
+        let scale = Scale::log(values.iter().copied());
+        let places = values.map(|v| scale.position(v));
+        assert!(places.iter().all(|p| p.is_finite()) && places.windows(2).all(|p| p[0] < p[1]), "{places:?}");
+        let labels = scale.ticks(300.0, Format::Plain, true).iter().filter(|t| t.label.is_some()).count();
+        assert!((3..=8).contains(&labels), "{labels}");
+    }
 
     #[test]
     fn numbers_read_well() {

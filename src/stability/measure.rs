@@ -215,7 +215,12 @@ impl Stage {
             error: against(&values, &self.double_rounded),
             error_with_inputs: against(&values, &self.double),
             f64_error: self.independent.as_ref().map(|truth| against(&self.double, truth)),
-            naive_error: self.naive.as_ref().map(|naive| against(naive, &self.double)),
+            // of nothing but values that are no numbers there is no error
+            naive_error: self
+                .naive
+                .as_ref()
+                .filter(|naive| naive.iter().any(|v| v.is_finite()))
+                .map(|naive| against(naive, &self.double)),
             naive_non_finite: self.naive.as_ref().map(|naive| non_finite(naive)),
             condition: self.condition,
             largest: self.double.iter().map(|e| e.max_abs()).fold(0.0, f64::max),
