@@ -6,7 +6,9 @@ use std::path::Path;
 use assert_cmd::Command;
 
 use rigbench::rig::{AnyRig, Rig, RigModel};
-use rigbench::run::recommend::{CostModel, Place, Search, Work, exhaustive, exhaustive_work, signature, space, taken, toml};
+use rigbench::run::recommend::{
+    CostModel, Place, Search, Work, exhaustive, exhaustive_work, signature, space, taken, toml,
+};
 use rigbench::scene::{Layout, OrientedBox, Scene};
 
 fn root() -> &'static Path {

@@ -137,9 +137,7 @@ impl Scale {
             Self::Linear { low, high } => (value - low) / (high - low),
             Self::Root { high } => (value.max(0.0) / high).sqrt(),
             Self::Log { low, zero, .. } if value <= 0.0 || (zero > 0.0 && value < low) => 0.4 * zero,
-            Self::Log { low, high, zero, .. } => {
-                zero + (1.0 - zero) * (value.ln() - low.ln()) / (high.ln() - low.ln())
-            }
+            Self::Log { low, high, zero, .. } => zero + (1.0 - zero) * (value.ln() - low.ln()) / (high.ln() - low.ln()),
         }
     }
 
@@ -221,7 +219,8 @@ impl Scale {
                     every(3),
                     every(6),
                     every(24),
-                    every(96),
+                    every(60),
+                    every(150),
                 ];
                 let enough = |v: &[f64]| (3..=8).contains(&v.len()) && fits(v);
                 let chosen = sets.iter().rev().find(|v| enough(v)).or_else(|| sets.iter().find(|v| fits(v)));
