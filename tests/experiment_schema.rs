@@ -139,6 +139,11 @@ fn the_shipped_hard_cases_load_and_mistakes_are_pointed_at() {
     let cases = HardCases::load(&path).unwrap();
     assert!(cases.families.len() >= 30 && !cases.bounds.is_empty());
     let folder = tempfile::tempdir().unwrap();
+    // a map that the file names by its place beside it
+    let maps = folder.path().join("scenes/lights/maps");
+    std::fs::create_dir_all(&maps).unwrap();
+    std::fs::create_dir(folder.path().join("experiments")).unwrap();
+    std::fs::copy(root().join("scenes/lights/maps/decades.hdr"), maps.join("decades.hdr")).unwrap();
     let schema = HardCases::schema();
     for (old, new, message, fits) in [
         ("kind = \"stability\"\n", "kind = \"stability\"\nseeds = 3\n", "unknown field `seeds`", false),
@@ -159,7 +164,7 @@ fn the_shipped_hard_cases_load_and_mistakes_are_pointed_at() {
     ] {
         assert!(text.contains(old), "{old} is not in the file");
         let changed = text.replacen(old, new, 1);
-        let copy = folder.path().join("changed.toml");
+        let copy = folder.path().join("experiments/changed.toml");
         std::fs::write(&copy, &changed).unwrap();
         let error = HardCases::load(&copy).unwrap_err();
         assert!(error.message.contains(message), "{new}: {error}");

@@ -154,7 +154,7 @@ fn what_it_recommends_runs_in_an_experiment() {
     let experiment = format!(
         "schema_version = 1\nname = \"pasted\"\n[matrix]\nscene = [\"block\"]\nlights = [\"near\", \"far\"]\n\
          rig = [\"found\"]\norder = [2]\nbackend = [\"cpu\"]\n[timing]\nwarmup = 0\nrepeat = 1\n[image]\nwidth = 16\nheight = 9\nkeep = \"none\"\n\
-         [rig.found]\n{rig}\n[[threshold]]\nmetric = \"interpolation_nrmse\"\nmax = 0.08\n"
+         [rig.found]\n{rig}\n[[threshold]]\nwhere = {{ rig = \"found\" }}\nmetric = \"interpolation_nrmse\"\nmax = 0.08\n"
     );
     std::fs::create_dir_all(at.join("experiments")).unwrap();
     std::fs::write(at.join("experiments/pasted.toml"), experiment).unwrap();

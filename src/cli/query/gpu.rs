@@ -31,7 +31,7 @@ pub(super) fn values(
     match rig {
         Some(rig) => {
             let bounds = bounds.expect("a rig was refused without a box");
-            let evaluator = Evaluator::of_rig(&gpu, &rig, bounds.half, usize::from(args.order));
+            let evaluator = Evaluator::of_rig(&gpu, rig, bounds.half, usize::from(args.order));
             let reader = Reader { evaluator: evaluator.map_err(Failure::internal)?, bounds };
             rig_values::<f32>(args, lighting, rig, bounds, |fitted| reader.read(args.quantity, fitted, points))
         }
