@@ -223,3 +223,87 @@ fn the_table_at_the_end() {
         assert!(widths.len() > 3 && widths.windows(2).all(|w| w[0] == w[1]), "{part}");
     }
 }
+
+/// Volumes: what pops, where they err, by distance, sizes, savings, walks and what iterations bring, each from the columns that it needs.
+#[test]
+fn figures_of_volumes() {
+    let header = "run,scene,lights,rig,order,heuristic,probe_source,backend,status,nrmse,interpolation_nrmse,samples,floats,model_bytes,\
+        bake_s,bake_rays,eval_ns_per_point,path_jump,face_jump,level_jump,boundary_nrmse,leak,near_nrmse,second_nrmse,third_nrmse,\
+        far_nrmse,near_m,second_m,third_m,far_m";
+    let row = |run: usize, lights: &str, rig: &str, order: u32, heuristic: &str, source: &str, samples: f64, error: f64| {
+        let floats = samples * f64::from(12 * order * order);
+        format!(
+            "{run:012x},room,{lights},{rig},{order},{heuristic},{source},cpu,ok,{error},{},{samples},{floats},{},{},{},{},{},{},{},{},{},\
+             {},{},{},{},0.1,0.3,0.5,0.9\n",
+            0.9 * error,
+            4.0 * floats,
+            samples / 900.0,
+            samples * 7e4,
+            50.0 + error * 100.0,
+            0.3 * error,
+            0.4 * error,
+            if heuristic.is_empty() { 0.0 } else { 0.4 * error },
+            1.3 * error,
+            0.05 * error,
+            1.6 * error,
+            1.2 * error,
+            error,
+            0.8 * error,
+        )
+    };
+    let mut text = header.to_owned() + "\n";
+    for (k, (rig, samples)) in [("grid-5", 125.0), ("grid-9", 729.0), ("grid-17", 4913.0)].into_iter().enumerate() {
+        text += &row(k, "lamp", rig, 3, "", "fixed", samples, 9.0 / samples);
+        text += &row(10 + k, "dark", rig, 3, "", "fixed", samples, 9.0 / samples);
+        text += &row(20 + k, "dark", rig, 6, "", "fixed", samples, 8.0 / samples);
+    }
+    for (k, (heuristic, samples)) in [("error-05", 400.0), ("a-long-name-of-geometry", 900.0)].into_iter().enumerate() {
+        text += &row(30 + k, "lamp", "octree", 3, heuristic, "fixed", samples, 4.0 / samples);
+        text += &row(40 + k, "dark", "octree", 3, heuristic, "fixed", samples, 4.0 / samples);
+        text += &row(50 + k, "dark", "octree", 6, heuristic, "fixed", samples, 3.0 / samples);
+    }
+    for k in 0..4 {
+        text += &row(60 + k, "iterated", "grid", 3, "", &format!("iteration-{k}"), 64.0, 0.4 / (k + 1) as f64);
+    }
+    text += &row(70, "iterated", "grid", 3, "", "rays", 64.0, 0.08);
+    let folder = tempfile::tempdir().unwrap();
+    for run in [0, 30] {
+        let mut walk = "kind,object,metres,level,pop\n".to_owned();
+        for step in 0..256 {
+            let x = f64::from(step) / 20.0;
+            let pop = if step == 100 { 0.2 } else { 0.0 };
+            walk += &format!("volume,\"ball\",{x},{},{pop}\n", 2.0 + x.sin());
+            walk += &format!("truth,\"ball\",{x},{},\n", 2.0 + x.sin());
+        }
+        std::fs::create_dir_all(folder.path().join("volumes")).unwrap();
+        std::fs::write(folder.path().join(format!("volumes/{run:012x}-walk.csv")), walk).unwrap();
+    }
+    let names = figures_of(&Table::parse(&text).unwrap(), folder.path()).unwrap();
+    for expected in [
+        "pops-room-lamp-cpu",
+        "places-room-lamp-cpu",
+        "by-distance-room-lamp-cpu",
+        "savings-room-lamp-cpu",
+        "walks-room-lamp-cpu",
+        "sizes-room-dark-cpu",
+        "by-iteration-room-iterated-cpu",
+        "front-nrmse-room-lamp-cpu",
+    ] {
+        assert!(names.iter().any(|name| name == expected), "{expected} of {names:?}");
+        let data = Table::parse(&String::from_utf8(read(folder.path(), expected, "csv")).unwrap()).unwrap();
+        assert!(data.rows().count() > 1, "{expected}");
+    }
+    // an even grid of the same error needs 2.25 times the samples
+    let savings = String::from_utf8(read(folder.path(), "savings-room-lamp-cpu", "csv")).unwrap();
+    let savings = Table::parse(&savings).unwrap();
+    for row in savings.rows().filter(|row| row.text("panel") == "samples") {
+        assert!((row.number("value").unwrap() - 2.25).abs() < 1e-6, "{:?}", row.number("value"));
+    }
+    // bytes of the published example, and the smallest tree that errs no more than the largest grid
+    let sizes = String::from_utf8(read(folder.path(), "sizes-room-dark-cpu", "csv")).unwrap();
+    assert!(sizes.contains("~2 MB") && sizes.contains("~8.2 MB"), "{sizes}");
+    assert!(!names.iter().any(|name| name == "sizes-room-lamp-cpu"), "one order has no table of sizes");
+    // costs of volumes stand in the place of those of rigs
+    let front = String::from_utf8(read(folder.path(), "front-nrmse-room-lamp-cpu", "csv")).unwrap();
+    assert!(front.contains("eval_ns_per_point,") && front.contains("bake_s,") && !front.contains("setup_us,"));
+}
