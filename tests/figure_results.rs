@@ -230,7 +230,14 @@ fn figures_of_volumes() {
     let header = "run,scene,lights,rig,order,heuristic,probe_source,backend,status,nrmse,interpolation_nrmse,samples,floats,model_bytes,\
         bake_s,bake_rays,eval_ns_per_point,path_jump,face_jump,level_jump,boundary_nrmse,leak,near_nrmse,second_nrmse,third_nrmse,\
         far_nrmse,near_m,second_m,third_m,far_m";
-    let row = |run: usize, lights: &str, rig: &str, order: u32, heuristic: &str, source: &str, samples: f64, error: f64| {
+    let row = |run: usize,
+               lights: &str,
+               rig: &str,
+               order: u32,
+               heuristic: &str,
+               source: &str,
+               samples: f64,
+               error: f64| {
         let floats = samples * f64::from(12 * order * order);
         format!(
             "{run:012x},room,{lights},{rig},{order},{heuristic},{source},cpu,ok,{error},{},{samples},{floats},{},{},{},{},{},{},{},{},{},\

@@ -18,8 +18,8 @@ use rigbench::scene::OrientedBox;
 use rigbench::sh::Window;
 use rigbench::trace::{Bounces, Effects, Effort, TracedGeometry, TracedMaterial, Tracer, Transport};
 use rigbench::volume::{
-    BakeCounts, BakeError, BakedVolume, Cells, Journal, Layout, NoJournal, Volume, VolumeModel, bake, bake_along,
-    bake_with,
+    BakeCounts, BakeError, BakedVolume, Cells, Journal, Layout, NoJournal, SamplePool, Volume, VolumeModel, WithPool,
+    bake, bake_along, bake_with,
 };
 
 fn room() -> OrientedBox {
@@ -346,6 +346,43 @@ fn samples_inside_geometry_are_found_and_repaired() {
     };
     assert_eq!(least(&dark), 0.0);
     assert!(least(&repaired) > 0.5, "{}", least(&repaired));
+}
+
+#[test]
+fn volumes_share_samples_and_none_can_tell() {
+    let tracer = Tracer::new(&block());
+    let lights = lights();
+    let transport = Transport::new(&tracer, &lights, Effects::bounces(Bounces::Count(1)));
+    let around = prober(&lights, Some(&transport), Probes::Traced { effort: Effort::Samples(48), seed: 3 });
+    let grid = Volume::inline(&format!("grid = {{ {BOX}, samples = [5, 5, 5] }}")).unwrap();
+    let tree = format!("octree = {{ {BOX}, min_level = 1, max_level = 3, heuristic = \"contains_geometry\" }}");
+    let tree = Volume::inline(&tree).unwrap();
+    let pool = std::sync::Arc::new(SamplePool::default());
+    let pooled = |volume: &Volume| {
+        let mut journal = WithPool { journal: Box::new(NoJournal), pool: pool.clone() };
+        bake_with(volume, &around, &[], &mut journal).unwrap()
+    };
+    let first = pooled(&grid);
+    assert_eq!(pool.len(), 125);
+    let second = pooled(&tree);
+    // all of the grid's places are corners of the tree's second level
+    let shared = 125 + second.counts.taken as usize - pool.len();
+    assert!(shared > 50, "{shared}");
+    for (volume, with) in [(&grid, &first), (&tree, &second)] {
+        let without = bake(volume, &around).unwrap();
+        assert_eq!((&with.values, &with.inside, &with.layout), (&without.values, &without.inside, &without.layout));
+        assert_eq!(with.counts.rays, without.counts.rays);
+        assert_eq!((with.counts.taken, with.counts.projections), (without.counts.taken, without.counts.projections));
+    }
+    // again, with everything there: the seconds are those of the samples, not of the search for them
+    let again = pooled(&tree);
+    assert_eq!(again.values, second.values);
+    assert!(
+        again.counts.seconds > 0.3 * second.counts.seconds,
+        "{} of {}",
+        again.counts.seconds,
+        second.counts.seconds
+    );
 }
 
 #[test]

@@ -257,9 +257,13 @@ pub fn walks(group: &Group, subtitle: String, folder: &Path) -> Option<Figure> {
         x += 48.0 + text_width(text, LABEL);
     }
     let levels = || panels.iter().flat_map(|p| p.volume.iter().chain(&p.truth)).map(|p| p[1]);
-    // what rings below zero, or nearly to it, does not take the axis from the rest
-    let floor = 1e-3 * levels().fold(0.0, f64::max);
-    let level_scale = Scale::log(levels().filter(|v| *v > floor).collect::<Vec<_>>());
+    // what rings below zero, or nearly to it, does not take the axis from the rest; nor does what is beyond all truth
+    let truth = || panels.iter().flat_map(|p| &p.truth).map(|p| p[1]);
+    let most = truth().fold(0.0, f64::max);
+    let most = if most > 0.0 { 10.0 * most } else { levels().fold(0.0, f64::max) };
+    let kept: Vec<f64> = levels().filter(|v| *v > 1e-4 * most && *v <= most).collect();
+    let (least, largest) = kept.iter().fold((f64::INFINITY, 0.0f64), |(a, b), v| (a.min(*v), b.max(*v)));
+    let level_scale = if largest > 4.0 * least { Scale::log(kept) } else { Scale::linear(kept.iter().copied(), false) };
     let metres = Scale::linear(panels.iter().flat_map(|p| &p.volume).map(|p| p[0]), true);
     let mut data = Table::new(&["candidate", "run", "kind", "metres", "value"]);
     for (index, panel) in panels.iter().enumerate() {
@@ -275,8 +279,8 @@ pub fn walks(group: &Group, subtitle: String, folder: &Path) -> Option<Figure> {
         let plot = Panel::in_cell(
             cell,
             "",
-            axis(if last_line { "metres gone" } else { "" }, metres, Format::Plain),
-            axis(if first_column { "mean E, W/m²" } else { "" }, level_scale, Format::Plain),
+            axis(if last_line { "metres gone" } else { " " }, metres, Format::Plain),
+            axis(if first_column { "mean E, W/m²" } else { " " }, level_scale, Format::Plain),
         );
         plot.draw(&mut drawing, "");
         let width = cell.right() - plot.area.x;
@@ -289,7 +293,7 @@ pub fn walks(group: &Group, subtitle: String, folder: &Path) -> Option<Figure> {
         );
         drawing.text([plot.area.x, cell.y], fitted(&panel.says, TICK, width), TICK, MUTED, Anchor::Start);
         let line = |points: &[[f64; 2]]| -> Vec<[f64; 2]> {
-            points.iter().map(|p| plot.at(p[0], p[1].max(level_scale.ends().0))).collect()
+            points.iter().map(|p| plot.at(p[0], p[1].clamp(level_scale.ends().0, level_scale.ends().1))).collect()
         };
         for [x, pop] in &panel.pops {
             if *pop > SEEN {

@@ -10,22 +10,24 @@ use crate::experiment::{ALGORITHMS, Candidate, Key};
 use crate::light::Light;
 use crate::probe::{ProbeDevice, Prober};
 use crate::trace::Transport;
-use crate::volume::{BakedVolume, Journal, NoJournal, bake_with};
+use crate::volume::{BakedVolume, Journal, NoJournal, SamplePool, WithPool, bake_with};
 
 /// The volumes of a sweep, each baked once: numbers, times and images share them, and so do the candidates that read one differently
-/// or on another backend.
+/// or on another backend. Volumes under the same light share the samples that stand at the same place.
 ///
 /// Samples by rays are written down as they are taken ([`BakeLog`]), so that a sweep that was killed, and another process of this one, goes on
 /// with them. A sweep that comes to its end removes the logs.
 pub struct Bakery {
     baked: Mutex<HashMap<Key, Result<Arc<BakedVolume>, String>>>,
+    /// Samples under one light each, whatever volume asked for them.
+    pools: Mutex<HashMap<Key, Arc<SamplePool>>>,
     logs: PathBuf,
 }
 
 impl Bakery {
     /// Its logs lie beside the runs of a store.
     pub fn of(store: &Store) -> Self {
-        Self { baked: Mutex::default(), logs: logs(store) }
+        Self { baked: Mutex::default(), pools: Mutex::default(), logs: logs(store) }
     }
 
     /// Removes the logs of every bake for a store: what came of them is kept, or is not wanted any more.
@@ -50,8 +52,7 @@ impl Bakery {
         gpu: Option<&GpuBench>,
     ) -> Result<Recipe, String> {
         let Some(volume) = candidate.volume() else { return Ok(recipe) };
-        let key = Key::of(&json!({
-            "volume": **volume,
+        let light = json!({
             "scene": candidate.scene.content,
             "lights": candidate.lights.name(),
             "layout": candidate.lights.layout.content,
@@ -62,7 +63,8 @@ impl Bakery {
             "gradients": recipe.gradients,
             "window": recipe.window,
             "algorithms": ALGORITHMS.candidate,
-        }));
+        });
+        let key = Key::of(&json!([**volume, light]));
         let known = self.baked.lock().expect("no holder panics").get(&key).cloned();
         let baked = match known {
             Some(known) => known,
@@ -79,8 +81,11 @@ impl Bakery {
                         gradients: recipe.gradients,
                         window: recipe.window,
                     };
-                    let mut journal = self.journal(&key, &prober);
-                    bake_with(volume, &prober, &volume.tracks(&candidate.scene), &mut *journal)
+                    // derivatives go along the box's axes
+                    let under = Key::of(&json!([format!("{:?}", bounds.axes), light]));
+                    let pool = self.pools.lock().expect("no holder panics").entry(under).or_default().clone();
+                    let mut journal = WithPool { journal: self.journal(&key, &prober), pool };
+                    bake_with(volume, &prober, &volume.tracks(&candidate.scene), &mut journal)
                         .map_err(|error| error.to_string())
                 });
                 let made = made.map(Arc::new);

@@ -123,10 +123,10 @@ impl Transport<'_> {
         seed: Seed,
     ) -> Vec<Capture> {
         crate::with_order!(order, C => {
-            let gather = ProjectionGather::<C> { gradient };
             places
                 .par_iter()
                 .map(|place| {
+                    let gather = ProjectionGather::<C> { gradient, touch: self.light_gap(place.position) };
                     let key = Stream::at(seed.seed, seed.purpose, &place.numbers_of.to_array()).next_u64();
                     let (sum, depths, counters) = self.capture_at(place.position, texels, &gather, reflected, key);
                     let singular = self.singular_terms(place.position);

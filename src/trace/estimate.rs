@@ -367,7 +367,7 @@ impl Transport<'_> {
                 .iter()
                 .map(|p| {
                     let key = Stream::at(seed.seed, seed.purpose, &p.to_array()).next_u64();
-                    (*p, ProjectionGather::<C> { gradient }, key)
+                    (*p, ProjectionGather::<C> { gradient, touch: self.light_gap(*p) }, key)
                 })
                 .collect();
             let width = receivers.first().map_or(0, |(_, gather, _)| gather.width());

@@ -144,6 +144,8 @@ impl Gather for IrradianceGather<'_> {
 /// Layout: `[(block * C + coefficient) * 3 + channel]`, block 0 the value, 1 to 3 the derivatives.
 pub(super) struct ProjectionGather<const C: usize> {
     pub gradient: bool,
+    /// Metres: what is nearer is touched. 1/distance has no bound there, and no step of an object goes by it: its terms count as clamped.
+    pub touch: f64,
 }
 
 impl<const C: usize> Gather for ProjectionGather<C> {
@@ -194,6 +196,10 @@ impl<const C: usize> Gather for ProjectionGather<C> {
         }
         match &arrival.origin {
             Origin::Distant => {}
+            Origin::Surface { distance, .. } if *distance < self.touch => {
+                counters.gradient_terms += 1;
+                counters.clamped_gradients += 1;
+            }
             Origin::Surface { distance, normal, drawn } => {
                 let cosine = -normal.dot(w);
                 let least = if *drawn { 0.0 } else { SILHOUETTE_COSINE };

@@ -14,13 +14,14 @@ use super::heuristic::{Criterion, Evidence};
 use super::journal::{Journal, NoJournal, Stretch, asked, stretches};
 use super::model::{Across, CellModel, VolumeModel};
 use super::overlap::triangle_overlaps_box;
+use super::pool::{Pooled, SamplePool};
 use crate::math::{Real, Rgb, Vector3};
 use crate::probe::{Depths, ProbeDevice, Prober, Probes, SampleRequest, Sampled, depths, texels};
 use crate::rig::interpolation::Interpolation;
 use crate::rig::{AnyRig, AxisNames, Lattice, LocalPoints, Rig, RigModel, ShVectors};
 use crate::scene::OrientedBox;
 use crate::sh::{Lobe, coefficients, degree_of};
-use crate::trace::{Counters, Tracer};
+use crate::trace::{Counters, Effort, Tracer};
 use crate::with_order;
 
 /// Texels along the edge of a face of the depth captures that heuristics look at.
@@ -243,6 +244,63 @@ fn bake_laid_out(
     Ok(baked)
 }
 
+/// Whether a sample is the same whatever others are taken with it.
+fn are_poolable(prober: &Prober) -> bool {
+    match prober.probes {
+        Probes::Traced { effort, .. } => matches!(effort, Effort::Samples(_)) && !prober.probes.on_gpu(),
+        Probes::Captured { .. } => !prober.probes.on_gpu(),
+        Probes::Analytic | Probes::Relit { .. } => false,
+    }
+}
+
+/// Samples from a pool; those that it lacks are taken one by one, so that each knows what it took, and kept there.
+fn take_pooled(
+    pool: &SamplePool,
+    prober: &Prober,
+    requests: &[SampleRequest],
+) -> Result<(Sampled<f64>, Counters, f64), String> {
+    let start = Instant::now();
+    let derived = |request: &SampleRequest| request.derivatives.contains(&true);
+    let found: Vec<(Arc<Pooled>, bool)> = requests
+        .par_iter()
+        .map(|request| {
+            let world = prober.bounds.world(request.position);
+            if let Some(known) = pool.get(world, derived(request)) {
+                return Ok((known, true));
+            }
+            let began = Instant::now();
+            let (sampled, rays) = prober.take(std::slice::from_ref(request))?;
+            let sample = Pooled {
+                numbers: sampled.vectors.data,
+                projections: sampled.projections,
+                singular: sampled.singular,
+                rays,
+                seconds: began.elapsed().as_secs_f64(),
+            };
+            Ok((Arc::new(sample), false))
+        })
+        .collect::<Result<_, String>>()?;
+    // threads worked side by side: shares of the time that passed
+    let busy: f64 = found.iter().filter(|(_, known)| !known).map(|(sample, _)| sample.seconds).sum();
+    let share = if busy > 0.0 { start.elapsed().as_secs_f64() / busy } else { 0.0 };
+    let mut vectors = ShVectors { order: prober.order, data: Vec::new() };
+    let (mut projections, mut singular, mut rays, mut saved) = (0, 0, Counters::default(), 0.0);
+    for (request, (sample, known)) in requests.iter().zip(&found) {
+        vectors.data.extend_from_slice(&sample.numbers);
+        projections += sample.projections;
+        singular += sample.singular;
+        rays += sample.rays;
+        match known {
+            true => saved += sample.seconds,
+            false => {
+                let sample = Pooled { seconds: sample.seconds * share, ..(**sample).clone() };
+                pool.keep(prober.bounds.world(request.position), derived(request), sample);
+            }
+        }
+    }
+    Ok((Sampled { vectors, projections, singular }, rays, saved))
+}
+
 impl Baker<'_> {
     fn position(&self, place: Place) -> [f64; 3] {
         position(place, self.resolution, self.prober.bounds.half)
@@ -262,14 +320,18 @@ impl Baker<'_> {
         let requests: Vec<SampleRequest> =
             positions.iter().map(|position| SampleRequest { position: *position, derivatives }).collect();
         let prober = self.prober;
-        self.take(&requests, &|asked| prober.take(asked))
+        match self.journal.pool().filter(|_| are_poolable(prober)) {
+            Some(pool) => self.take(&requests, &|asked| take_pooled(&pool, prober, asked)),
+            None => self.take(&requests, &|asked| prober.take(asked).map(|(sampled, rays)| (sampled, rays, 0.0))),
+        }
     }
 
-    /// Takes samples stretch by stretch; what the journal holds is not taken again.
+    /// Takes samples stretch by stretch; what the journal holds is not taken again. `take` says with samples and rays how many seconds it
+    /// saved by what a pool held.
     fn take(
         &mut self,
         requests: &[SampleRequest],
-        take: &dyn Fn(&[SampleRequest]) -> Result<(Sampled<f64>, Counters), String>,
+        take: &dyn Fn(&[SampleRequest]) -> Result<(Sampled<f64>, Counters, f64), String>,
     ) -> Result<Vec<Taken>, BakeError> {
         self.counts.taken += requests.len() as u64;
         let stride = 3 * coefficients(self.prober.order);
@@ -286,13 +348,14 @@ impl Baker<'_> {
                 }
                 None => {
                     let start = Instant::now();
-                    let (sampled, rays) = take(&own).map_err(BakeError::Device)?;
+                    let (sampled, rays, saved) = take(&own).map_err(BakeError::Device)?;
+                    self.earlier += saved;
                     let stretch = Stretch {
                         numbers: sampled.vectors.data,
                         projections: sampled.projections,
                         singular: sampled.singular,
                         rays,
-                        seconds: start.elapsed().as_secs_f64(),
+                        seconds: start.elapsed().as_secs_f64() + saved,
                     };
                     self.counts.traced_now += rays.rays();
                     self.journal.note(&key, &stretch);
@@ -358,7 +421,9 @@ impl Baker<'_> {
         };
         self.iteration += 1;
         let prober = self.prober;
-        let taken = self.take(&requests, &|asked| prober.take_relit(asked, &irradiance))?;
+        let taken = self.take(&requests, &|asked| {
+            prober.take_relit(asked, &irradiance).map(|(sampled, rays)| (sampled, rays, 0.0))
+        })?;
         let stride = baked.stride();
         for (index, taken) in taken.iter().enumerate() {
             baked.values.data[index * stride..(index + 1) * stride].copy_from_slice(&taken.value);

@@ -1,5 +1,8 @@
 //! What a bake has taken so far, written down as it goes, so that a bake that was killed goes on from there.
 
+use std::sync::Arc;
+
+use super::pool::SamplePool;
 use crate::probe::SampleRequest;
 use crate::trace::Counters;
 
@@ -25,6 +28,28 @@ pub trait Journal: Sync {
     /// The next stretch, if it is kept and answers just this.
     fn recall(&mut self, asked: &Asked) -> Option<Stretch>;
     fn note(&mut self, asked: &Asked, stretch: &Stretch);
+    /// Samples that other bakes under the same light have taken, where someone keeps them.
+    fn pool(&self) -> Option<Arc<SamplePool>> {
+        None
+    }
+}
+
+/// A journal beside a pool.
+pub struct WithPool {
+    pub journal: Box<dyn Journal>,
+    pub pool: Arc<SamplePool>,
+}
+
+impl Journal for WithPool {
+    fn recall(&mut self, asked: &Asked) -> Option<Stretch> {
+        self.journal.recall(asked)
+    }
+    fn note(&mut self, asked: &Asked, stretch: &Stretch) {
+        self.journal.note(asked, stretch);
+    }
+    fn pool(&self) -> Option<Arc<SamplePool>> {
+        Some(self.pool.clone())
+    }
 }
 
 /// Keeps nothing.

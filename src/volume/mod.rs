@@ -14,6 +14,7 @@ mod heuristic;
 mod journal;
 mod model;
 mod overlap;
+mod pool;
 mod section;
 mod shader;
 
@@ -23,8 +24,9 @@ pub use bake::{
 pub use cells::{Cell, Cells, Face, LEAF, Locator, NONE, Place};
 pub use config::{Bounds, Lookup, Structure, Volume, VolumeFile, VolumeSetting};
 pub use heuristic::{Criterion, Evidence, Heuristic, HeuristicFile};
-pub use journal::{Asked, Journal, NoJournal, STRETCH, Stretch};
+pub use journal::{Asked, Journal, NoJournal, STRETCH, Stretch, WithPool};
 pub use model::{Across, CellModel, VolumeModel, can_be_continuous};
 pub use overlap::{distance_to_triangle, triangle_overlaps_box};
+pub use pool::{Pooled, SamplePool};
 pub use section::Section;
 pub use shader::CellShader;

@@ -40,6 +40,14 @@ impl SamplePool {
         self.known.lock().expect("no holder panics").0.get(&Self::place(world, derivatives)).cloned()
     }
 
+    pub fn len(&self) -> usize {
+        self.known.lock().expect("no holder panics").0.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
     pub fn keep(&self, world: DVec3, derivatives: bool, sample: Pooled) {
         let mut known = self.known.lock().expect("no holder panics");
         if known.1 + sample.numbers.len() <= MOST_NUMBERS {
