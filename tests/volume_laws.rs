@@ -425,6 +425,22 @@ fn a_grid_volume_is_the_lattice_over_its_box() {
     assert_eq!(volume.floats(), 24 * 4 * 27);
 }
 
+/// The debug picture: every cell that is cut, and the samples at their corners, whatever the counts round to.
+#[test]
+fn a_section_shows_every_cell_and_sample_of_its_plane() {
+    for (x, z) in [(2, 2), (3, 13), (4, 11), (7, 5)] {
+        let volume = baked(&format!("grid = {{ {BOX}, samples = [{x}, 3, {z}] }}"));
+        let section = volume.section(1, &[]);
+        assert_eq!((section.cells.len(), section.samples.len()), ((x - 1) * (z - 1), x * z), "{x} x {z}");
+    }
+    let tree = baked(&octree("interpolation = \"trilinear\""));
+    let section = tree.section(1, &[]);
+    let area = |[low, high]: &[[f64; 2]; 2]| (high[0] - low[0]) * (high[1] - low[1]);
+    let whole = 4.0 * tree.bounds.half[0] * tree.bounds.half[2];
+    assert!((section.cells.iter().map(area).sum::<f64>() / whole - 1.0).abs() < 1e-9);
+    assert!(section.samples.len() > section.cells.len());
+}
+
 /// The inside of a box that shines and reflects everywhere.
 fn furnace(emission: f64, albedo: f64) -> TracedGeometry {
     let mut geometry = TracedGeometry::default();
@@ -659,5 +675,25 @@ fn a_bake_that_was_cut_short_goes_on_with_what_its_log_holds() {
         .unwrap();
         assert_eq!(other.counts.recalled, 0);
         assert_ne!(other.values, whole.values);
+    }
+}
+
+/// 1/distance has no bound where a sample touches a surface: such terms are left out.
+#[test]
+fn samples_on_walls_have_derivatives_of_a_sensible_size() {
+    let tracer = Tracer::new(&block());
+    let lights = lights();
+    let transport = Transport::new(&tracer, &lights, Effects::bounces(Bounces::Count(1)));
+    let around = prober(&lights, Some(&transport), Probes::Traced { effort: Effort::Samples(128), seed: 1 });
+    let largest = |data: &[f64]| data.iter().fold(0.0f64, |most, v| most.max(v.abs()));
+    let (low, high) = (DVec3::new(-0.7, -0.4, -0.5), DVec3::new(-0.1, 0.2, 0.1));
+    let bright = largest(&sampled(&around, DVec3::new(0.4, 0.3, 0.6)).0[..27]);
+    for k in 0..240 {
+        let share = DVec3::new(0.754_877, 0.569_840, 0.413_309) * f64::from(k);
+        let mut place = low + (high - low) * share.fract();
+        let axis = k % 3;
+        place[axis as usize] = if k % 2 == 0 { low } else { high }[axis as usize];
+        let (data, _) = sampled(&around, place);
+        assert!(largest(&data[27..]) < 1e4 * bright, "{place}: {} beside {bright}", largest(&data[27..]));
     }
 }

@@ -61,6 +61,10 @@ fn errors_from(values: impl Iterator<Item = f64>, floor: f64) -> Scale {
 
 /// How far each scheme pops: on a walk, across faces, between levels.
 pub fn pops(group: &Group, subtitle: String) -> Option<Figure> {
+    let pops = |row: &Row| ["path_jump", "face_jump"].iter().any(|c| row.number(c).is_some_and(|v| v > NOTHING));
+    if !group.rows.iter().any(pops) {
+        return None;
+    }
     columns_figure(
         group,
         format!("{}, {}: what pops", group.key[0], group.key[1]),

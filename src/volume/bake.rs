@@ -805,7 +805,9 @@ impl BakedVolume {
             Layout::Grid(samples) => {
                 let half = self.bounds.half;
                 let counts = samples.map(|n| n.saturating_sub(1).max(1));
-                let at = |axis: usize, i: usize| half[axis] * (2.0 * i as f64 / counts[axis] as f64 - 1.0);
+                // as samples stand, to the last bit
+                let at =
+                    |axis: usize, i: usize| half[axis] * (2.0 * i as f64 - counts[axis] as f64) / counts[axis] as f64;
                 let mut boxes = Vec::new();
                 for z in 0..counts[2] {
                     for y in 0..counts[1] {

@@ -74,9 +74,11 @@ struct Scale<T> {
     grid: Grid<T>,
     /// Over one of its eight parts.
     part: Grid<T>,
-    /// What the cell's corners give at each of its 27 nodes: rows of eight weights, one a corner. A node has `jets` blocks, of its value
-    /// and of the derivatives along the axes whose bits are set, and a block has a row for each vector of a corner.
-    transfer: Vec<[T; 8]>,
+    /// What the cell's corners give at each of its 27 nodes, of their values and of their derivatives along the axes whose bits are set:
+    /// the slot of the corners' vectors with a weight for each corner; rows of zeros are left out.
+    transfer: Vec<(usize, [T; 8])>,
+    /// Where the rows of a node's jet begin, node after node, jet after jet; one entry more than there are.
+    rows: Vec<u32>,
 }
 
 /// Values and derivatives of a node, mixed ones too, where samples have derivatives.
@@ -100,24 +102,30 @@ impl<T: Real> Scale<T> {
             [end(0), profile.middle(2.0 * half[axis]), end(1)]
         });
         let (jets, vectors) = if derivatives[0] { (JETS, 4) } else { (1, 1) };
-        let mut transfer = Vec::with_capacity(27 * jets * vectors);
+        let mut transfer = Vec::new();
+        let mut rows = vec![0];
         for node in 0..27 {
             let at = [node % 3, node / 3 % 3, node / 9];
             for jet in 0..jets {
                 for vector in 0..vectors {
-                    transfer.push(std::array::from_fn(|corner| {
-                        T::of((0..3).fold(1.0, |product, axis| {
+                    let weights: [f64; 8] = std::array::from_fn(|corner| {
+                        (0..3).fold(1.0, |product, axis| {
                             let of = usize::from(vector == axis + 1);
                             product * along[axis][at[axis]][jet >> axis & 1][corner >> axis & 1][of]
-                        }))
-                    }));
+                        })
+                    });
+                    if weights.iter().any(|weight| *weight != 0.0) {
+                        transfer.push((vector, weights.map(T::of)));
+                    }
                 }
+                rows.push(transfer.len() as u32);
             }
         }
         Self {
             grid: Grid::new([2; 3], half, derivatives),
             part: Grid::new([2; 3], half.map(|h| 0.5 * h), derivatives),
             transfer,
+            rows,
         }
     }
 }
@@ -217,22 +225,30 @@ impl<T: Real> CellModel<T> {
             let place = at[0] + 3 * at[1] + 9 * at[2];
             let sample = table[place];
             // weights of the node's value and derivatives: bits of `jet` say along which axes
-            for jet in 0..jets {
-                let weight = (0..3).fold(T::one(), |product, axis| {
+            let weight_of = |jet: usize| {
+                (0..3).fold(T::one(), |product, axis| {
                     let nodes = &along[axis];
                     product * if jet >> axis & 1 == 1 { nodes.slope[side[axis]] } else { nodes.value[side[axis]] }
-                });
-                if sample != NONE {
-                    // samples have no mixed derivatives
-                    if jet.count_ones() < 2 {
-                        let slot = if jet == 0 { 0 } else { 1 + jet.trailing_zeros() as usize };
-                        tap(sample as usize * self.vectors + slot, weight);
-                    }
+                })
+            };
+            if sample != NONE {
+                // samples have no mixed derivatives
+                let first = sample as usize * self.vectors;
+                tap(first, weight_of(0));
+                for axis in 0..self.vectors - 1 {
+                    tap(first + 1 + axis, weight_of(1 << axis));
+                }
+                continue;
+            }
+            for jet in 0..jets {
+                let first = place * jets + jet;
+                let rows = &scale.transfer[scale.rows[first] as usize..scale.rows[first + 1] as usize];
+                if rows.is_empty() {
                     continue;
                 }
-                let first = (place * jets + jet) * self.vectors;
-                for (own, row) in own.iter_mut().zip(&scale.transfer[first..first + self.vectors]) {
-                    for (own, share) in own.iter_mut().zip(row) {
+                let weight = weight_of(jet);
+                for (slot, shares) in rows {
+                    for (own, share) in own[*slot].iter_mut().zip(shares) {
                         *own += weight * *share;
                     }
                 }
