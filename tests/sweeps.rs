@@ -4,6 +4,8 @@
 mod fire;
 #[path = "sweeps/gate.rs"]
 mod gate;
+#[path = "sweeps/overhead.rs"]
+mod overhead;
 #[path = "sweeps/slurm.rs"]
 mod slurm;
 #[path = "sweeps/volumes.rs"]
@@ -51,8 +53,12 @@ fn project(more: &str) -> tempfile::TempDir {
 
 const RUNS: usize = 10;
 
+/// The program; RIGBENCH_PROGRAM names another build of it, for measuring.
 fn rigbench(folder: &Path) -> Command {
-    let mut command = Command::cargo_bin("rigbench").expect("cargo builds the binary for its tests");
+    let mut command = match std::env::var_os("RIGBENCH_PROGRAM") {
+        Some(program) => Command::new(program),
+        None => Command::cargo_bin("rigbench").expect("cargo builds the binary for its tests"),
+    };
     command.current_dir(folder);
     command
 }

@@ -88,6 +88,7 @@ impl HardArguments {
     pub fn run(&self) -> Result<Exit, Failure> {
         let (cases, store) = self.load()?;
         let planned = self.planned(&cases)?;
+        super::run::refuse_another(&store, &cases.name)?;
         interrupt::install().map_err(Failure::internal)?;
         let demanded = self.backend.as_deref() == Some("gpu");
         let done = match hard_cases::run(planned, &store, self.force, demanded) {

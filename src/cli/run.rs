@@ -113,8 +113,9 @@ impl Run {
         if chosen.is_empty() {
             return Err(Failure::new(Exit::NothingSelected, filter.explain_nothing(all)));
         }
-        interrupt::install().map_err(Failure::internal)?;
         let store = Store::at(&self.out.clone().unwrap_or_else(|| experiment.results_folder()));
+        refuse_another(&store, &experiment.name)?;
+        interrupt::install().map_err(Failure::internal)?;
         let options = SweepOptions {
             force: self.force,
             fail_fast: self.fail_fast,
@@ -132,7 +133,9 @@ impl Run {
             Err(SweepError::NoGpu(why)) => return Err(Failure::new(Exit::NoGpu, why)),
             Err(error) => return Err(Failure::internal(error)),
         };
-        finish(&experiment, &swept, &store, self.no_figures, self.no_report)
+        // of a part nothing is drawn: that is for the whole, which `merge` brings together
+        let is_part = self.shard.is_some();
+        finish(&experiment, &swept, &store, self.no_figures || is_part, self.no_report || is_part)
     }
 
     /// Where and with what limits runs are computed.
@@ -189,6 +192,24 @@ impl Run {
             settings.cpus = u32::from(jobs);
         }
         Ok(Engine::Slurm(SlurmOptions { settings, crew }))
+    }
+}
+
+/// Two experiments do not share a folder: the second would take the place of the first one's results.
+pub(super) fn refuse_another(store: &Store, name: &str) -> Result<(), Failure> {
+    #[derive(serde::Deserialize)]
+    struct Head {
+        experiment: String,
+    }
+    let Ok(bytes) = std::fs::read(store.root().join("results.json")) else { return Ok(()) };
+    match serde_json::from_slice::<Head>(&bytes) {
+        Ok(head) if head.experiment != name => Err(Failure::usage(format!(
+            "{} holds results of `{}`, and this is `{name}`: give another folder with --out",
+            store.root().display(),
+            head.experiment
+        ))),
+        // a damaged file is written anew
+        _ => Ok(()),
     }
 }
 

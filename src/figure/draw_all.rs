@@ -196,25 +196,29 @@ fn draw(table: &Table, folder: &Path, target: &Path) -> io::Result<Vec<String>> 
             None => Ok(None),
         })
         .collect::<io::Result<_>>()?;
-    let drawn: Vec<(String, [String; 2])> = drawn.into_iter().flatten().collect();
+    captions(drawn.into_iter().flatten().collect(), target)
+}
+
+/// Of hard cases a figure a family.
+fn draw_hard_cases(table: &Table, target: &Path) -> io::Result<Vec<String>> {
+    let drawn: Vec<Option<(String, [String; 2])>> = hard_cases::families(table)
+        .into_par_iter()
+        .map(|family| match hard_cases::family_figure(table, &family) {
+            Some(figure) => figure.write(target, &family).map(|()| Some((family, figure.drawing.headings))),
+            None => Ok(None),
+        })
+        .collect::<io::Result<_>>()?;
+    captions(drawn.into_iter().flatten().collect(), target)
+}
+
+/// Writes the LaTeX file of what was drawn; gives the names.
+fn captions(drawn: Vec<(String, [String; 2])>, target: &Path) -> io::Result<Vec<String>> {
     if !drawn.is_empty() {
         let text =
             latex(drawn.iter().map(|(name, [title, subtitle])| (name.as_str(), title.as_str(), subtitle.as_str())));
         write_whole(&target.join(LATEX), text.as_bytes())?;
     }
     Ok(drawn.into_iter().map(|(name, _)| name).collect())
-}
-
-/// Of hard cases a figure a family.
-fn draw_hard_cases(table: &Table, target: &Path) -> io::Result<Vec<String>> {
-    let drawn: Vec<Option<String>> = hard_cases::families(table)
-        .into_par_iter()
-        .map(|family| match hard_cases::family_figure(table, &family) {
-            Some(figure) => figure.write(target, &family).map(|()| Some(family)),
-            None => Ok(None),
-        })
-        .collect::<io::Result<_>>()?;
-    Ok(drawn.into_iter().flatten().collect())
 }
 
 /// Figures to draw: a name, and what draws it where the data allow.

@@ -90,7 +90,7 @@
     const middle = (s) => (s.length % 2 ? s[(s.length - 1) / 2] : (s[s.length / 2 - 1] + s[s.length / 2]) / 2);
     const median = middle(sorted);
     const mad = middle(samples.map((s) => Math.abs(s - median)).sort((a, b) => a - b));
-    const says = `${samples.length} samples, median ${unit(median * factor, u)}, median deviation ${unit(mad * factor, u)}, from ${unit(low * factor, u)} to ${unit(high * factor, u)}`;
+    const says = `${samples.length} sample${samples.length === 1 ? '' : 's'}, median ${unit(median * factor, u)}, median deviation ${unit(mad * factor, u)}, from ${unit(low * factor, u)} to ${unit(high * factor, u)}`;
     const svg = make('svg:svg', { class: 'spread', viewBox: `0 0 ${width} 34`, role: 'img', 'aria-label': says });
     const [from, to] = [Math.max(0, x(median - mad)), Math.min(width, x(median + mad))];
     svg.append(make('svg:rect', { class: 'band', x: from, y: 5, width: Math.max(0, to - from), height: 24 }));

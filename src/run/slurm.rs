@@ -14,7 +14,7 @@ use super::crew::{Crew, CrewOptions, bury};
 use super::results::shell_word;
 use super::sweep::{Ending, Run, Step, SweepError, Tell, Workshop, reference_is, run_of};
 use super::worker::Order;
-use super::{ArrayCache, Store, StoreError, interrupt, write_atomic};
+use super::{ArrayCache, Store, interrupt, write_atomic};
 use crate::experiment::{Candidate, Experiment, Key, LimitSettings, Override, ProbeSource, SlurmSettings};
 use crate::input::InputError;
 
@@ -67,7 +67,7 @@ impl SlurmOptions {
         if !earlier.is_empty() {
             eprintln!("jobs of an earlier start are still in the queue, they go first: {}", earlier.join(" "));
             for id in &earlier {
-                self.follow(id, &mut || Ok(()))?;
+                self.follow(id, &mut || false)?;
             }
         }
         for index in wanted {
@@ -107,7 +107,7 @@ impl SlurmOptions {
             for array in &arrays {
                 self.follow(&array.id, &mut || {
                     gather(work, runs, wanted, &mut endings, tell);
-                    Ok(())
+                    endings.len() == wanted.len()
                 })?;
             }
             gather(work, runs, wanted, &mut endings, tell);
@@ -141,7 +141,7 @@ impl SlurmOptions {
             let tasks = open.iter().map(|block| vec![Order::Time(keys(runs, block))]).collect();
             let members: Vec<usize> = open.into_iter().flatten().copied().collect();
             let array = self.submit(work, "time", tasks, runs, &members, None)?;
-            self.follow(&array.id, &mut || Ok(()))?;
+            self.follow(&array.id, &mut || members.iter().all(is_timed))?;
         }
         Ok(())
     }
@@ -169,7 +169,7 @@ impl SlurmOptions {
                 })
                 .collect();
             let array = self.submit(work, "picture", tasks, runs, &open, None)?;
-            self.follow(&array.id, &mut || Ok(()))?;
+            self.follow(&array.id, &mut || false)?;
         }
         Ok(missing().into_iter().map(|index| (index, "no task kept it".to_owned())).collect())
     }
@@ -325,30 +325,38 @@ impl SlurmOptions {
         Ok(ids)
     }
 
-    /// Waits until no task of a job is in the queue, or until Ctrl-C; the job then goes on without this process.
-    fn follow(&self, id: &str, tick: &mut dyn FnMut() -> Result<(), StoreError>) -> Result<(), SweepError> {
+    /// Waits until everything is there, or until no task of a job is in the queue, or until Ctrl-C; the job then goes on without this
+    /// process. The store is looked at often, the controller seldom: it has others to answer.
+    fn follow(&self, id: &str, is_done: &mut dyn FnMut() -> bool) -> Result<(), SweepError> {
         let mut answered = Instant::now();
-        let mut wait = Duration::from_millis(200);
+        let (mut asked, mut until_asked) = (Instant::now(), Duration::ZERO);
+        let mut wait = Duration::from_millis(100);
         loop {
             if interrupt::interrupted() {
                 eprintln!("job {id} goes on in the cluster: a repeat follows it, `scancel {id}` ends it");
                 return Ok(());
             }
-            let output = Command::new("squeue").args(["--noheader", "--format=%T", "--jobs", id]).output();
-            let output = output.map_err(|cause| SweepError::Engine(format!("cannot start squeue: {cause}")))?;
-            let why = String::from_utf8_lossy(&output.stderr).trim().to_owned();
-            let listed = !output.stdout.iter().all(u8::is_ascii_whitespace);
-            match output.status.success() {
-                true if !listed => return Ok(()),
-                true => answered = Instant::now(),
-                // the controller forgets jobs that are over
-                false if why.contains("Invalid job id") => return Ok(()),
-                false if answered.elapsed() > PATIENCE => return Err(SweepError::Engine(format!("squeue: {why}"))),
-                false => {}
+            if is_done() {
+                return Ok(());
             }
-            tick()?;
+            if asked.elapsed() >= until_asked {
+                let output = Command::new("squeue").args(["--noheader", "--format=%T", "--jobs", id]).output();
+                let output = output.map_err(|cause| SweepError::Engine(format!("cannot start squeue: {cause}")))?;
+                let why = String::from_utf8_lossy(&output.stderr).trim().to_owned();
+                let listed = !output.stdout.iter().all(u8::is_ascii_whitespace);
+                match output.status.success() {
+                    true if !listed => return Ok(()),
+                    true => answered = Instant::now(),
+                    // the controller forgets jobs that are over
+                    false if why.contains("Invalid job id") => return Ok(()),
+                    false if answered.elapsed() > PATIENCE => return Err(SweepError::Engine(format!("squeue: {why}"))),
+                    false => {}
+                }
+                asked = Instant::now();
+                until_asked = (until_asked * 6 / 5).clamp(Duration::from_millis(300), Duration::from_secs(5));
+            }
             std::thread::sleep(wait);
-            wait = (wait * 5 / 4).min(Duration::from_secs(5));
+            wait = (wait * 9 / 8).min(Duration::from_secs(1));
         }
     }
 }
@@ -514,7 +522,20 @@ pub fn run_task(file: &Path, task: usize) -> Result<(), TaskError> {
             break;
         }
     }
+    drop(crew);
+    if let Some(seconds) = processor_seconds() {
+        println!("{seconds:.2} s of a processor");
+    }
     Ok(())
+}
+
+/// Processor time of this process and of the children that it waited for, seconds; where the system says.
+fn processor_seconds() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/self/stat").ok()?;
+    // the name of the program, in brackets, may hold anything; utime, stime, cutime and cstime are the 14th to the 17th words
+    let words: Vec<&str> = text.rsplit_once(')')?.1.split_whitespace().collect();
+    let ticks: u64 = words.get(11..15)?.iter().map(|word| word.parse::<u64>().ok()).sum::<Option<u64>>()?;
+    Some(ticks as f64 / rustix::param::clock_ticks_per_second() as f64)
 }
 
 fn word(ending: &Ending) -> String {

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use super::{RUNS, done, project, results, rigbench, rigbench_does, rows};
 
 /// A cluster of one node; its daemons end with it.
-struct Cluster {
+pub struct Cluster {
     folder: tempfile::TempDir,
     daemons: Vec<Child>,
 }
@@ -37,7 +37,7 @@ fn program(name: &str) -> Option<PathBuf> {
 
 impl Cluster {
     /// `None`, said aloud, where Slurm is not installed or daemons cannot be started; a failure where it is required.
-    fn start() -> Option<Self> {
+    pub fn start() -> Option<Self> {
         let why = match Self::try_start() {
             Ok(cluster) => return Some(cluster),
             Err(why) => why,
@@ -125,7 +125,7 @@ impl Cluster {
         Err(format!("no {what} within 30 s: {} {} {}", log("munge.log"), log("slurmctld.log"), log("slurmd.log")))
     }
 
-    fn conf(&self) -> PathBuf {
+    pub fn conf(&self) -> PathBuf {
         self.folder.path().join("slurm.conf")
     }
 
