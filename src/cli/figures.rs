@@ -49,10 +49,19 @@ impl Figures {
 /// results.csv of a folder; a folder without one is a mistake of the caller's.
 pub(super) fn read_results(folder: &std::path::Path) -> Result<Table, Failure> {
     let path = folder.join("results.csv");
-    Table::read(&path).map_err(|error| {
+    let help = "\n  help: `rigbench run` writes it";
+    let table = Table::read(&path).map_err(|error| {
         let text = error.to_string();
         let text =
             if text.contains(&path.display().to_string()) { text } else { format!("{}: {text}", path.display()) };
-        Failure::new(Exit::InvalidInput, text)
-    })
+        Failure::new(Exit::InvalidInput, format!("{text}{help}"))
+    })?;
+    // a file of another program, or one that was cut
+    match table.columns.iter().any(|column| column == "run") && !table.rows.is_empty() {
+        true => Ok(table),
+        false => {
+            let text = format!("{}: holds no run of this program{help}", path.display());
+            Err(Failure::new(Exit::InvalidInput, text))
+        }
+    }
 }

@@ -224,6 +224,21 @@ fn told_change(change: &Change) -> String {
     }
 }
 
+/// A text in a cell of a Markdown table: nothing in it ends the cell or is a tag.
+fn for_markdown(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '|' | '\\' | '*' | '`' | '[' => out.extend(['\\', c]),
+            '<' => out += "&lt;",
+            '&' => out += "&amp;",
+            c if c.is_control() => out.push(' '),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
 /// A comparison in a format. Tables show what differs, or with `all` everything; JSON and CSV hold everything.
 pub fn changes(comparison: &Comparison, format: TableFormat, all: bool) -> String {
     let shown: Vec<&Change> = comparison
@@ -267,7 +282,7 @@ pub fn changes(comparison: &Comparison, format: TableFormat, all: bool) -> Strin
             }
             if !shown.is_empty() {
                 let row = |cells: &[String]| {
-                    let escaped: Vec<String> = cells.iter().map(|c| c.replace('|', "\\|")).collect();
+                    let escaped: Vec<String> = cells.iter().map(|c| for_markdown(c)).collect();
                     format!("| {} |\n", escaped.join(" | "))
                 };
                 text += &row(&header.map(str::to_owned));

@@ -193,11 +193,18 @@ impl Stored {
             folder: folder.to_owned(),
             experiment: file.experiment,
             kind: file.kind,
-            experiment_file: file.experiment_file.map(|file| folder.join(file)),
+            experiment_file: file.experiment_file.map(|file| as_seen_from_here(&folder.join(file))),
             changes: file.changes,
             rows,
         })
     }
+}
+
+/// A path without detours, relative where it lies under the current folder: so people and GitHub know it.
+fn as_seen_from_here(path: &Path) -> PathBuf {
+    let Ok(whole) = path.canonicalize() else { return path.to_owned() };
+    let here = std::env::current_dir().and_then(|here| here.canonicalize());
+    here.ok().and_then(|here| whole.strip_prefix(here).ok().map(Path::to_owned)).unwrap_or(whole)
 }
 
 /// A row a curve from a row a value of its parameter: what it is, the largest of each number and where, and the middle of the errors.

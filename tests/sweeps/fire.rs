@@ -109,6 +109,76 @@ fn two_processes_on_one_folder_share_the_work() {
     assert!(log.contains("10 cached"), "{log}");
 }
 
+#[test]
+fn a_folder_is_of_one_experiment() {
+    let folder = project("");
+    let at = folder.path();
+    let text = std::fs::read_to_string(at.join("experiments/small.toml")).unwrap();
+    std::fs::write(at.join("experiments/other.toml"), text.replace("name = \"small\"", "name = \"other\"")).unwrap();
+    let part = ["--filter", "rig=constant", "--no-figures", "--no-report"];
+    assert_eq!(rigbench_does(at, &[&["run", "experiments/small.toml"], &part[..]].concat()).0, 0);
+    let before = std::fs::read(results(at).join("results.csv")).unwrap();
+    let (exit, _, log) =
+        rigbench_does(at, &[&["run", "experiments/other.toml", "--out", "results/small"], &part[..]].concat());
+    assert!(exit == 2 && log.contains("holds results of `small`, and this is `other`"), "{exit}: {log}");
+    assert_eq!(std::fs::read(results(at).join("results.csv")).unwrap(), before);
+    // nor do shards of two make one
+    assert_eq!(rigbench_does(at, &[&["run", "experiments/other.toml"], &part[..]].concat()).0, 0);
+    let (exit, _, log) = rigbench_does(at, &["merge", "both", "results/small", "results/other"]);
+    assert!(exit == 3 && log.contains("shards are of one experiment"), "{exit}: {log}");
+    assert!(!at.join("both").exists());
+    let (exit, _, log) = rigbench_does(at, &["check", "results/small", "--experiment", "experiments/other.toml"]);
+    assert!(exit == 3 && log.contains("this is the experiment `other`"), "{exit}: {log}");
+    // results that were cut, or are none
+    std::fs::write(at.join("results/small/results.json"), "{\"experiment\": \"small\", \"ro").unwrap();
+    std::fs::write(at.join("results/small/results.csv"), "run,experiment\n").unwrap();
+    for words in [
+        ["check", "results/small"],
+        ["report", "results/small"],
+        ["figures", "results/small"],
+        ["report", "experiments"],
+    ] {
+        let (exit, _, log) = rigbench_does(at, &words);
+        assert!(exit == 3 && log.contains("help: "), "{words:?} {exit}: {log}");
+    }
+    // a repeat mends them
+    let (exit, _, log) = rigbench_does(at, &[&["run", "experiments/small.toml"], &part[..]].concat());
+    assert!(exit == 0 && log.contains("2 cached"), "{log}");
+    assert_eq!(std::fs::read(results(at).join("results.csv")).unwrap(), before);
+}
+
+#[test]
+fn names_may_hold_anything() {
+    let folder = project("");
+    let at = folder.path();
+    let path = at.join("experiments/small.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let odd = "it's \\\"a|b\\\" <b>, 50 % & more";
+    let text = text
+        .replace("\"gradient\", \"lattice\"", &format!("\"{odd}\", \"lattice\""))
+        .replace("[rig.gradient]", &format!("[rig.\"{odd}\"]"));
+    let text =
+        text.replace("rig = [\"constant\", \"gradient\"], lights = \"lamp\"", "rig = \"constant\", lights = \"lamp\"");
+    std::fs::write(&path, text).unwrap();
+    let (exit, _, log) = rigbench_does(at, &["run", "experiments/small.toml"]);
+    assert_eq!(exit, 0, "{log}");
+    let odd = odd.replace("\\\"", "\"");
+    let table = rows(&results(at));
+    assert_eq!(table.iter().filter(|row| row["rig"] == odd).count(), 2);
+    let html = std::fs::read_to_string(results(at).join("report.html")).unwrap();
+    assert!(!html.contains("<b>, 50"), "a name is no tag");
+    assert_eq!(rigbench_does(at, &["check", "results/small", "--accept", "--reason", "odd | <names>"]).0, 0);
+    let (exit, out, _) = rigbench_does(at, &["check", "results/small"]);
+    assert!(exit == 0 && out.contains(&odd), "{out}");
+    let (_, out, _) =
+        rigbench_does(at, &["compare", "results/small", "results/small", "--all", "--format", "markdown"]);
+    let row = out.lines().find(|line| line.contains("it's")).unwrap();
+    assert_eq!(row.replace("\\|", "").matches('|').count(), 8, "{row}");
+    assert!(row.contains("&lt;b>"), "{row}");
+    let (exit, _, log) = rigbench_does(at, &["run", "experiments/small.toml", "--filter", &format!("rig={odd}")]);
+    assert!(exit == 0 && log.contains("2 runs: 0 computed, 2 cached"), "{log}");
+}
+
 /// Mounts a small file system of its own; says so where that is not allowed.
 fn mounted(at: &Path, options: &str) -> bool {
     std::fs::create_dir_all(at).unwrap();

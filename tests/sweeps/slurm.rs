@@ -207,3 +207,40 @@ fn a_cluster_gives_what_this_machine_gives_though_a_task_is_killed() {
     assert!(output.status.success() && log.contains("jobs of an earlier start"), "{log}");
     assert_eq!(rows(&at.join("again")), rows(&at.join("here")));
 }
+
+/// What sbatch is told, by a script in its place that writes it down and refuses.
+#[test]
+fn the_command_line_goes_before_the_file_in_what_a_job_asks_for() {
+    let folder = project(
+        "[slurm]\npartition = \"p\"\naccount = \"a1\"\ntime = \"01:00:00\"\nmemory = \"1G\"\ncpus = 2\noptions = [\"--qos=low\"]\n",
+    );
+    let at = folder.path();
+    let bin = at.join("bin");
+    std::fs::create_dir(&bin).unwrap();
+    let script = |name: &str, text: &str| {
+        use std::os::unix::fs::PermissionsExt;
+        let path = bin.join(name);
+        std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).unwrap();
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+    };
+    let told = at.join("told");
+    script("sbatch", &format!("printf '%s\\n' \"$@\" > {}; echo 'no such partition' >&2; exit 1", told.display()));
+    script("squeue", "exit 0");
+    let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
+    let asks = |more: &[&str]| -> Vec<String> {
+        let mut command = rigbench(at);
+        command.args(["run", "experiments/small.toml", "--no-figures", "--engine", "slurm"]).args(more);
+        let (exit, _, log) = done(command.env("PATH", &path));
+        assert!(exit == 1 && log.contains("sbatch refused the reference array: no such partition"), "{exit}: {log}");
+        std::fs::read_to_string(&told).unwrap().lines().map(str::to_owned).collect()
+    };
+    let has = |words: &[String], wanted: &[&str]| wanted.iter().all(|w| words.iter().any(|word| word == w));
+    let of_file = asks(&[]);
+    let wanted = ["--partition=p", "--account=a1", "--time=01:00:00", "--mem=1G", "--cpus-per-task=2", "--qos=low"];
+    assert!(has(&of_file, &wanted) && has(&of_file, &["--requeue"]), "{of_file:?}");
+    let given = ["--partition", "long", "--account", "a2", "--time", "5", "--memory", "3G", "--jobs", "4"];
+    let of_line = asks(&given);
+    let wanted = ["--partition=long", "--account=a2", "--time=5", "--mem=3G", "--cpus-per-task=4", "--qos=low"];
+    assert!(has(&of_line, &wanted), "{of_line:?}");
+    assert!(!has(&of_line, &["--partition=p"]) && !has(&of_line, &["--exclusive"]), "{of_line:?}");
+}
