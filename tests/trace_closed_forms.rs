@@ -8,7 +8,7 @@ use rigbench::math::{Rgb, Stream, StreamPurpose, Vector3};
 use rigbench::scene::SurfacePoint;
 use rigbench::sh::Lobe;
 use rigbench::trace::{
-    Bounces, Counters, Effects, Effort, Estimate, Seed, TracedGeometry, TracedMaterial, Tracer, Transport,
+    Bounces, Counters, Effects, Effort, Estimate, SceneFacts, Seed, TracedGeometry, TracedMaterial, Tracer, Transport,
 };
 
 const SEED: Seed = Seed { seed: 1, purpose: StreamPurpose::Test };
@@ -90,7 +90,8 @@ fn furnace_at_every_number_of_bounces() {
         let emission = 0.7;
         let tracer = Tracer::new(&room([material(albedo, emission); 6], DVec3::new(1.0, 1.3, 0.8)));
         let points = random_points(12, 0.7, 1);
-        for effects in [bounces(0), bounces(1), bounces(2), bounces(7), Effects::bounces(Bounces::Infinite)] {
+        let counts = [0, 1, 2, 3, 7].map(bounces);
+        for effects in counts.into_iter().chain([Effects::bounces(Bounces::Infinite)]) {
             let sum: f64 = match effects.most_bounces() {
                 Some(count) => (0..=count).map(|k| f64::powi(albedo, k as i32)).sum(),
                 None => 1.0 / (1.0 - albedo),
@@ -102,6 +103,31 @@ fn furnace_at_every_number_of_bounces() {
                 let scores: Vec<f64> = z_scores(&estimates, &truth).into_iter().step_by(3).collect();
                 honest(&scores).unwrap_or_else(|why| panic!("albedo {albedo}, {effects}, wrap {}: {why}", lobe.wrap()));
             }
+        }
+    }
+}
+
+#[test]
+fn a_bias_of_one_percent_in_bounced_light_is_seen() {
+    // the same furnace with enough paths, and none of the emission that directions find by themselves: what a path carries is tested
+    let (albedo, emission) = (0.6, 0.7);
+    let tracer = Tracer::new(&room([material(albedo, emission); 6], DVec3::new(1.0, 1.3, 0.8)));
+    let points = random_points(48, 0.7, 9);
+    for effects in [bounces(1), bounces(2), bounces(3), Effects::bounces(Bounces::Infinite)] {
+        let sum: f64 = match effects.most_bounces() {
+            Some(count) => (0..=count).map(|k| f64::powi(albedo, k as i32)).sum(),
+            None => 1.0 / (1.0 - albedo),
+        };
+        let transport = Transport::new(&tracer, &[], effects);
+        let truth = vec![Rgb::splat(PI * emission * sum); points.len()];
+        let estimates = transport.irradiance(&points, &Lobe::lambert(), SEED, Effort::Samples(8192));
+        let against = |truth: &[Rgb<f64>]| {
+            let scores: Vec<f64> = z_scores(&estimates, truth).into_iter().step_by(3).collect();
+            honest(&scores)
+        };
+        against(&truth).unwrap_or_else(|why| panic!("{effects}: {why}"));
+        for bias in [0.99, 1.01] {
+            assert!(against(&scaled(&truth, bias)).is_err(), "{effects}: a bias of {bias} must not pass");
         }
     }
 }
@@ -324,4 +350,72 @@ fn what_is_not_called_for_is_not_computed() {
         assert_eq!(counted.closest_rays, 4 * 256 * u64::from(count));
         assert_eq!((counted.emitter_samples, counted.wrap_evaluations), (0, 0));
     }
+}
+
+#[test]
+fn simulating_everything_changes_a_picture_by_less_than_its_noise_where_auto_left_it_out() {
+    // pixels of a ball in the middle of a room
+    let pixels: Vec<SurfacePoint> = (0..24 * 16)
+        .map(|k| {
+            let (polar, azimuth) = (PI * (f64::from(k / 24) + 0.5) / 16.0, 2.0 * PI * f64::from(k % 24) / 24.0);
+            let normal = DVec3::new(polar.sin() * azimuth.cos(), polar.cos(), polar.sin() * azimuth.sin());
+            SurfacePoint { position: 0.3 * normal, normal }
+        })
+        .collect();
+    let lamp =
+        Light::Sphere(Sphere { center: Vector3::new(0.3, 0.7, 0.1), radius: 0.15, radiance: Rgb::new(9.0, 7.0, 5.0) });
+    let everything = Effects::bounces(Bounces::Infinite);
+    let picture = |geometry: &TracedGeometry, lights: &[Light<f64>], effects: Effects, seed: u64| {
+        let tracer = Tracer::new(geometry);
+        let transport = Transport::new(&tracer, lights, effects);
+        transport.irradiance(&pixels, &Lobe::lambert(), Seed { seed, ..SEED }, Effort::Samples(256))
+    };
+    let rms = |values: &mut dyn Iterator<Item = f64>| {
+        let (sum, count) = values.fold((0.0, 0.0), |(sum, count), v| (sum + v * v, count + 1.0));
+        f64::sqrt(sum / count)
+    };
+    // difference of two pictures over the noise that both have
+    let change = |a: &[Estimate<Rgb<f64>>], b: &[Estimate<Rgb<f64>>]| {
+        let difference = rms(&mut a.iter().zip(b).flat_map(|(a, b)| (a.value - b.value).to_array()));
+        let noise = rms(&mut a.iter().chain(b).flat_map(|e| e.standard_error.to_array()));
+        difference / (noise * 2f64.sqrt())
+    };
+    let mut block = TracedGeometry::default();
+    block.add_quad(material(0.0, 0.0), DVec3::new(0.0, 0.5, 0.0), DVec3::Z * 0.2, DVec3::X * 0.2);
+    let glow = room([material(0.0, 0.8); 6], DVec3::ONE);
+    let nothing = TracedGeometry::default();
+    let facts = |geometry: &TracedGeometry, lights: usize| SceneFacts {
+        lights,
+        static_triangles: geometry.triangles.len(),
+        reflects: geometry.reflects(),
+        emits: geometry.materials.iter().any(|m| m.emission.max_abs() > 0.0),
+        wrap: false,
+    };
+    let lit = std::slice::from_ref(&lamp);
+    for (name, geometry, lights, auto) in [
+        ("no occluder", &nothing, lit, Effects::NONE),
+        ("a black block", &block, lit, Effects::SHADOWS),
+        ("glowing black walls", &glow, &[][..], bounces(0)),
+    ] {
+        assert_eq!(Effects::called_for(&facts(geometry, lights.len())).0, auto, "{name}");
+        let left_out = picture(geometry, lights, auto, 1);
+        let ratio = change(&left_out, &picture(geometry, lights, everything, 2));
+        assert!(ratio < 1.2, "{name}: {ratio} times the noise");
+        // what was left out was not computed
+        let counted: Counters = left_out.iter().map(|e| e.counters).sum();
+        match auto {
+            Effects::NONE => assert_eq!(counted, Counters::default()),
+            Effects::SHADOWS => assert!(counted.shadow_rays > 0 && counted.closest_rays + counted.bounces == 0),
+            _ => assert!(counted.closest_rays > 0 && counted.bounces == 0),
+        }
+    }
+    // and what a scene calls for is seen, if it is left out
+    let grey = room([material(0.5, 0.0); 6], DVec3::ONE);
+    assert_eq!(Effects::called_for(&facts(&grey, 1)).0, everything);
+    let full = picture(&grey, lit, everything, 1);
+    for less in [Effects::NONE, Effects::SHADOWS, bounces(0), bounces(1)] {
+        let ratio = change(&full, &picture(&grey, lit, less, 2));
+        assert!(ratio > 2.0, "{less}: {ratio} times the noise");
+    }
+    assert!(change(&picture(&block, lit, Effects::NONE, 1), &picture(&block, lit, Effects::SHADOWS, 2)) > 2.0);
 }

@@ -7,8 +7,8 @@ use super::volume::{CpuVolume, GpuVolume, Reading};
 use super::{FittedRig, RigStage, direct, local_points, modelled};
 use crate::cost::{Samples, seconds_of};
 use crate::gpu::{
-    CubeCapturer, DirectEvaluator, Evaluator, Gpu, GpuError, PreparedEvaluation, Sample, Timing, VolumeEvaluator,
-    VolumeFormat, VolumeShape,
+    CubeCapturer, DirectEvaluator, Evaluator, Gpu, GpuError, PreparedEvaluation, ProbeTracer, Sample, Timing,
+    VolumeEvaluator, VolumeFormat, VolumeShape,
 };
 use crate::light::{self, DIRECT_ORDER, Light, LightModel, ModelledLight, ShaderLight};
 use crate::math::{Real, Rgb, Vector3};
@@ -27,6 +27,10 @@ pub struct Recipe {
     pub rig: Option<AnyRig>,
     /// A volume with its samples, in place of a rig.
     pub volume: Option<Arc<BakedVolume>>,
+    /// Where lights move, the volume of every frame; `volume` is the first of them. Empty: one serves all frames.
+    pub volume_of_frame: Vec<Arc<BakedVolume>>,
+    /// Whether each frame has a volume of its own: then a bake is a part of each frame's set-up.
+    pub volume_every_frame: bool,
     pub order: usize,
     pub gradients: GradientSource,
     pub window: Window,
@@ -44,6 +48,8 @@ impl Recipe {
         Self {
             rig,
             volume: None,
+            volume_of_frame: Vec::new(),
+            volume_every_frame: false,
             order,
             gradients: GradientSource::Analytic,
             window: Window::None,
@@ -51,6 +57,21 @@ impl Recipe {
             lights: LightModel::EXACT,
             transition: None,
             arithmetic,
+        }
+    }
+}
+
+impl Recipe {
+    /// The volume that a frame reads.
+    pub fn volume_in(&self, frame: usize) -> Option<&Arc<BakedVolume>> {
+        self.volume_of_frame.get(frame).or(self.volume.as_ref())
+    }
+
+    /// Every volume that was baked for it.
+    pub fn volumes(&self) -> &[Arc<BakedVolume>] {
+        match &self.volume_of_frame[..] {
+            [] => self.volume.as_slice(),
+            all => all,
         }
     }
 }
@@ -307,11 +328,15 @@ pub fn probe_device(
     probes: Probes,
     transport: Option<&Transport>,
     gpu: Option<&GpuBench>,
-) -> Result<Option<CubeCapturer>, CandidateError> {
+) -> Result<Option<Box<dyn ProbeDevice>>, CandidateError> {
     match (probes, transport) {
         (Probes::Captured { on_gpu: true, seed, .. }, Some(transport)) => {
             let bench = gpu.ok_or(CandidateError::NoGpu)?;
-            Ok(Some(CubeCapturer::new(&bench.gpu, transport, seed)?))
+            Ok(Some(Box::new(CubeCapturer::new(&bench.gpu, transport, seed)?)))
+        }
+        (Probes::TracedOnGpu { seed, .. }, Some(transport)) => {
+            let bench = gpu.ok_or(CandidateError::NoGpu)?;
+            Ok(Some(Box::new(ProbeTracer::of_transport(&bench.gpu, transport, seed)?)))
         }
         _ => Ok(None),
     }
@@ -487,12 +512,9 @@ fn stage<T: Real>(
         recipe.gradients,
         recipe.window,
     );
-    if let (Probes::Traced { .. } | Probes::Captured { .. } | Probes::Relit { .. }, Some(transport)) =
-        (recipe.probes, around.transport)
-    {
+    if let Some(transport) = around.transport.filter(|_| recipe.probes != Probes::Analytic) {
         let device = probe_device(recipe.probes, around.transport, gpu)?;
-        let device = device.as_ref().map(|device| device as &dyn ProbeDevice);
-        stage.bake(transport, recipe.probes, device).map_err(CandidateError::Earlier)?;
+        stage.bake(transport, recipe.probes, device.as_deref()).map_err(CandidateError::Earlier)?;
     }
     Ok(stage)
 }
@@ -602,7 +624,7 @@ impl Lit for GpuRig {
         let local = local_points(&self.stage.bounds, points);
         let prepared = self.pipeline.prepare(&self.fitted.irradiance, &local, total)?;
         let fit = Box::new(|| drop(std::hint::black_box(self.stage.fit())));
-        Ok(Box::new(TimedGpu { fit, prepared, samples: Vec::new(), once: self.pipeline.once() }))
+        Ok(Box::new(TimedGpu { fit, bake: 0.0, prepared, samples: Vec::new(), once: self.pipeline.once() }))
     }
 }
 
@@ -642,7 +664,7 @@ impl Lit for GpuDirect {
     fn timed<'a>(&'a self, points: &[SurfacePoint], total: usize) -> Result<Box<dyn Timed + 'a>, CandidateError> {
         let prepared = self.evaluator.prepare(&self.lights, &self.points(points), total)?;
         let fit = Box::new(|| drop(std::hint::black_box(self.direct.relative_lights())));
-        Ok(Box::new(TimedGpu { fit, prepared, samples: Vec::new(), once: self.evaluator.once() }))
+        Ok(Box::new(TimedGpu { fit, bake: 0.0, prepared, samples: Vec::new(), once: self.evaluator.once() }))
     }
 }
 
@@ -792,6 +814,8 @@ const NO_TIME_RETRIES: usize = 20;
 /// Anything evaluated on the GPU: a frame's set-up is what the CPU does first (a rig's fit) and the upload.
 pub(super) struct TimedGpu<'a> {
     pub fit: Box<dyn Fn() + 'a>,
+    /// Seconds of what comes before that and is not done again for every time.
+    pub bake: f64,
     pub prepared: PreparedEvaluation,
     pub samples: Vec<Sample>,
     pub once: Duration,
@@ -800,7 +824,7 @@ pub(super) struct TimedGpu<'a> {
 impl Timed for TimedGpu<'_> {
     fn setup(&mut self) -> Result<f64, CandidateError> {
         let fit = seconds_of(|| (self.fit)());
-        Ok(fit + self.prepared.setup_sample()?.as_secs_f64())
+        Ok(self.bake + fit + self.prepared.setup_sample()?.as_secs_f64())
     }
 
     fn evaluate(&mut self) -> Result<(), CandidateError> {

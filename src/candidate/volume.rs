@@ -28,6 +28,8 @@ pub struct Reading<'a> {
     pub object: usize,
     /// Frames of the animation.
     pub frames: usize,
+    /// The volume is baked again every frame: a part of each frame's set-up.
+    pub baked_every_frame: bool,
 }
 
 /// What a receiver makes of a volume in a frame.
@@ -51,6 +53,7 @@ pub(super) struct CpuVolume<T: Real> {
     /// Place among the objects, and the time from 0 to 1.
     at: (usize, f64),
     mesh: Option<Mesh>,
+    baked_every_frame: bool,
     read: Read<T>,
 }
 
@@ -62,7 +65,7 @@ impl<T: Real> CpuVolume<T> {
         let time = reading.before.len() as f64 / reading.frames.saturating_sub(1).max(1) as f64;
         let at = (reading.object, time);
         let read = read(&baked, &boxes, at, mesh.as_ref(), &bands);
-        Self { baked, bounds, bands, boxes, at, mesh, read }
+        Self { baked, bounds, bands, boxes, at, mesh, baked_every_frame: reading.baked_every_frame, read }
     }
 
     fn local(&self, points: &[SurfacePoint]) -> LocalPoints<T> {
@@ -263,16 +266,18 @@ struct TimedVolume<'a, T: Real> {
 }
 
 impl<T: Real> Timed for TimedVolume<'_, T> {
-    /// A volume is there already; each frame its object or its vertices read it.
+    /// Where it is not baked again, a volume is there already; each frame its object or its vertices read it.
     fn setup(&mut self) -> Result<f64, CandidateError> {
         let volume = self.volume;
         let read = &mut self.read;
-        Ok(seconds_of(|| {
-            if !matches!(read, Read::PerPoint { .. }) {
-                let last = &volume.boxes[volume.boxes.len() - 1..];
-                *read = self::read(&volume.baked, last, volume.at, volume.mesh.as_ref(), &volume.bands);
-            }
-        }))
+        let bake = if volume.baked_every_frame { volume.baked.counts.seconds } else { 0.0 };
+        Ok(bake
+            + seconds_of(|| {
+                if !matches!(read, Read::PerPoint { .. }) {
+                    let last = &volume.boxes[volume.boxes.len() - 1..];
+                    *read = self::read(&volume.baked, last, volume.at, volume.mesh.as_ref(), &volume.bands);
+                }
+            }))
     }
 
     fn evaluate(&mut self) -> Result<(), CandidateError> {
@@ -296,7 +301,7 @@ impl<T: Real> Timed for TimedVolume<'_, T> {
 
     /// The bake.
     fn once(&self) -> Option<f64> {
-        Some(self.volume.baked.counts.seconds)
+        (!self.volume.baked_every_frame).then_some(self.volume.baked.counts.seconds)
     }
 }
 
@@ -318,6 +323,7 @@ fn vertex_taps(vector_rows: usize) -> String {
 /// A volume that the GPU evaluates.
 pub(super) struct GpuVolume {
     baked: Arc<BakedVolume>,
+    baked_every_frame: bool,
     read: GpuRead,
 }
 
@@ -370,7 +376,7 @@ impl GpuVolume {
                 GpuRead::Vertices { evaluator, rows, light, mesh: mesh.clone(), samples: vectors }
             }
         };
-        Ok(Self { baked, read })
+        Ok(Self { baked, baked_every_frame: reading.baked_every_frame, read })
     }
 
     fn prepared(&self, points: &[SurfacePoint], total: usize) -> Result<PreparedEvaluation, CandidateError> {
@@ -415,13 +421,15 @@ impl Lit for GpuVolume {
             GpuRead::Rig { pipeline, .. } => pipeline.once(),
             GpuRead::Cells { evaluator, .. } | GpuRead::Vertices { evaluator, .. } => evaluator.once(),
         };
-        let once = once + std::time::Duration::from_secs_f64(self.baked.counts.seconds);
+        let seconds = self.baked.counts.seconds;
+        let (bake, first) = if self.baked_every_frame { (seconds, 0.0) } else { (0.0, seconds) };
+        let once = once + std::time::Duration::from_secs_f64(first);
         let fit: Box<dyn Fn() + 'a> = match &self.read {
             GpuRead::Vertices { mesh, samples, .. } => {
                 Box::new(|| drop(std::hint::black_box(VertexLight::new(&self.baked, samples, mesh))))
             }
             GpuRead::Rig { .. } | GpuRead::Cells { .. } => Box::new(|| ()),
         };
-        Ok(Box::new(TimedGpu { fit, prepared: self.prepared(points, total)?, samples: Vec::new(), once }))
+        Ok(Box::new(TimedGpu { fit, bake, prepared: self.prepared(points, total)?, samples: Vec::new(), once }))
     }
 }

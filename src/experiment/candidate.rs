@@ -49,7 +49,7 @@ pub enum Method {
         /// Fitted in this frame only, then carried along.
         freeze_frame: Option<usize>,
     },
-    /// Samples over the whole scene, taken ahead of time under the lights of the first frame or the frozen one.
+    /// Samples over the whole scene, taken ahead of time; where lights move, again for every frame, or in the frozen one alone.
     Volume { volume: Arc<Volume>, freeze_frame: Option<usize> },
 }
 
@@ -113,6 +113,11 @@ impl Candidate {
         self.backend == Backend::Gpu || self.probe_source.is_some_and(|source| source.on_gpu())
     }
 
+    /// Whether its lights change from frame to frame.
+    pub fn lights_move(&self) -> bool {
+        self.scene.frames > 1 && self.lights.instance.lights.iter().any(|light| light.path.is_some())
+    }
+
     /// For messages: the columns side by side, scene and lights first.
     pub fn label(&self) -> String {
         let words: Vec<&str> = self.columns().map(|(_, text)| text).collect();
@@ -144,7 +149,11 @@ impl Candidate {
             "probe_source": self.probe_source,
             // errors of a volume's samples are judged by the mean over as many
             "judged_together": match (&self.method, self.probe_source) {
-                (Method::Volume { .. }, Some(ProbeSource::Traced { spp: None })) => json!(STRETCH),
+                (Method::Volume { .. }, Some(ProbeSource::Traced { spp: None, .. })) => json!(STRETCH),
+                _ => Value::Null,
+            },
+            "bakes": match self.method {
+                Method::Volume { freeze_frame: None, .. } if self.lights_move() => json!("every_frame"),
                 _ => Value::Null,
             },
             "gradient_source": self.gradient_source,

@@ -49,7 +49,11 @@ pub enum ProbeSource {
     /// The closed form of each light, nothing blocks.
     Analytic,
     /// Rays, with shadows and bounces; paths a sample, or a number that the program chooses.
-    Traced { spp: Option<u32> },
+    Traced {
+        spp: Option<u32>,
+        #[serde(skip_serializing_if = "is_cpu")]
+        on: Backend,
+    },
     /// Cube maps of the scene around the sample, rays or the GPU's rasteriser; texels along a face's edge, or a number that the program
     /// chooses.
     Captured {
@@ -68,7 +72,7 @@ fn is_cpu(backend: &Backend) -> bool {
 impl ProbeSource {
     /// Whether its samples want a GPU, wherever the candidate is evaluated.
     pub fn on_gpu(&self) -> bool {
-        matches!(self, ProbeSource::Captured { on: Backend::Gpu, .. })
+        matches!(self, ProbeSource::Captured { on: Backend::Gpu, .. } | ProbeSource::Traced { on: Backend::Gpu, .. })
     }
 }
 
@@ -125,7 +129,7 @@ impl LightModelFile {
     }
 }
 
-/// `[probe_source.NAME]`: `traced = { spp = 4096 }`, `captured = { face = 64, on = "gpu" }` or `relit = { face = 16, iterations = 3 }`.
+/// `[probe_source.NAME]`: `traced = { spp = 4096, on = "gpu" }`, `captured = { face = 64, on = "gpu" }` or `relit = { face = 16, iterations = 3 }`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProbeSourceFile {
@@ -145,6 +149,8 @@ struct RelitFile {
 #[serde(deny_unknown_fields)]
 struct TracedFile {
     spp: Option<Spanned<i64>>,
+    #[serde(default = "cpu")]
+    on: Backend,
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -164,10 +170,11 @@ impl ProbeSourceFile {
         let spp = schema::described(schema::whole(1, 1_000_000), "paths a sample");
         let face = schema::described(schema::whole(4, 4096), "texels along a face's edge");
         let on = schema::default(schema::word(["cpu", "gpu"]), "cpu");
+        let traced_on = schema::described(on.clone(), "what traces the rays: the CPU, or the GPU in compute");
         let on = schema::described(on, "what takes the captures: rays on the CPU, or the GPU's rasteriser");
         schema::one_key(
             [
-                ("traced", schema::table([schema::optional("spp", spp)])),
+                ("traced", schema::table([schema::optional("spp", spp), schema::optional("on", traced_on)])),
                 ("captured", schema::table([schema::optional("face", face.clone()), schema::optional("on", on)])),
                 (
                     "relit",
@@ -190,7 +197,7 @@ impl ProbeSourceFile {
         one_key(source, span, "probe source", spans)?;
         if let Some(traced) = &self.traced {
             let spp = traced.get_ref().spp.as_ref().map(|n| whole(source, n, "spp", 1..=1_000_000)).transpose()?;
-            return Ok(ProbeSource::Traced { spp });
+            return Ok(ProbeSource::Traced { spp, on: traced.get_ref().on });
         }
         if let Some(relit) = &self.relit {
             let relit = relit.get_ref();
@@ -500,7 +507,7 @@ impl WordAxis for ProbeSource {
     fn word(word: &str) -> Option<Self> {
         match word {
             "analytic" => Some(ProbeSource::Analytic),
-            "traced" => Some(ProbeSource::Traced { spp: None }),
+            "traced" => Some(ProbeSource::Traced { spp: None, on: Backend::Cpu }),
             "captured" => Some(ProbeSource::Captured { face: None, on: Backend::Cpu }),
             _ => None,
         }

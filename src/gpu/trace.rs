@@ -6,11 +6,14 @@ use rayon::prelude::*;
 
 use super::pass::{BoundPass, Grid, Parameters, PointPass};
 use super::{Gpu, GpuError, Sample, ShaderText};
-use crate::light::{Environment, Light};
+use crate::light::{Constant, Environment, Light, LightShape};
 use crate::math::{Rgb, Vector3};
+use crate::probe::{ProbeDevice, TraceTask};
 use crate::rig::LocalPoints;
-use crate::sh::{basis, coefficients};
-use crate::trace::{Bounces, Effects, TracedGeometry};
+use crate::trace::{
+    Arrival, Bounces, Counters, Effects, Effort, Estimate, Gather, Origin, Projected, ProjectionGather, TracedGeometry,
+    Transport,
+};
 
 /// Rows of the header, of a triangle, of a light.
 const HEADER_ROWS: usize = 4;
@@ -18,18 +21,24 @@ const TRIANGLE_ROWS: usize = 5;
 pub(super) const LIGHT_ROWS: usize = 4;
 const MAP_ROWS: usize = 3;
 /// Rows that a path writes.
-const ARRIVAL_ROWS: usize = 6;
+const ARRIVAL_ROWS: usize = 7;
 /// As for the CPU's rays: 32 roundings of the largest coordinate.
 const EPSILON: f32 = 32.0 * f32::EPSILON;
 /// Levels of the tree that the shader's stack holds.
 const DEEPEST: usize = 32;
-/// Paths of one run: 100 MB of arrivals.
-const MOST_PATHS: usize = 1 << 20;
+/// Paths of one run: 60 MB of arrivals.
+const MOST_PATHS: usize = 1 << 19;
 /// The number of a path is kept in an f32.
 const MOST_SAMPLES: u64 = 1 << 24;
+/// Paths that every probe gets before its error is believed.
+const FIRST_ROUND: u64 = 1024;
+/// Errors are judged against at least this share of the mean over the probes, as the CPU's are.
+const DARK_SHARE: f64 = 0.01;
+/// No distance that a ray found is so large.
+const NO_HIT: f64 = 2.9e38;
 
 /// A static environment under lights, on the device: path tracing of light to probes in compute, next-event estimation to the lights
-/// and to emissive geometry, diffuse bounces with Russian roulette.
+/// and to emissive geometry, diffuse bounces with Russian roulette. The CPU gathers what arrives: SH and its derivatives, in f64.
 ///
 /// It is the twin of [`crate::trace::Transport`]: other random numbers and f32, the same expectation.
 pub struct ProbeTracer {
@@ -37,13 +46,33 @@ pub struct ProbeTracer {
     pass: PointPass,
     scene: wgpu::Buffer,
     origin: DVec3,
+    /// Unit normals of the triangles, in the shader's order.
+    normals: Vec<DVec3>,
+    lights: Vec<DrawnLight>,
+    /// Lights without extent: a probe on one leaves it out.
+    pointlike: Vec<Light<f64>>,
 }
 
-/// SH radiance at a probe, W sr^-1 m^-2: an estimate with its standard error, a row of channels a coefficient.
+/// How samples of a light change with the probe's place.
+#[derive(Clone, Copy, Debug)]
+enum DrawnLight {
+    /// By the cone that it fills; centre in the world.
+    Sphere { center: DVec3, radius: f64 },
+    /// By places on it; its normal.
+    Flat(DVec3),
+    /// By places without a surface.
+    Line,
+    /// By directions.
+    Distant,
+}
+
+/// SH radiance at a probe, W sr^-1 m^-2, with its standard error, and what its directions saw.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProbeEstimate {
-    pub value: Vec<Rgb<f64>>,
-    pub standard_error: Vec<Rgb<f64>>,
+    pub light: Estimate<Projected>,
+    /// Of the surfaces around it, by directions drawn over the sphere, metres; infinite where none is seen, or none is looked for.
+    pub harmonic_mean: f64,
+    pub minimum: f64,
 }
 
 impl ProbeTracer {
@@ -78,32 +107,114 @@ impl ProbeTracer {
         let scene = gpu.checked("uploading the scene", || {
             gpu.storage("the buffer of the scene", bytemuck::cast_slice(&packed.rows))
         })?;
-        Ok(Self { gpu: gpu.clone(), pass, scene, origin: packed.origin })
+        let normal = |source: &u32| {
+            let [a, b, c] = traced.triangles[*source as usize];
+            (b - a).cross(c - a).normalize()
+        };
+        Ok(Self {
+            gpu: gpu.clone(),
+            pass,
+            scene,
+            origin: packed.origin,
+            normals: packed.sources.iter().map(normal).collect(),
+            lights: packed.drawn,
+            pointlike: lights.iter().filter(|l| matches!(l, Light::Point(_) | Light::Tube(_))).cloned().collect(),
+        })
     }
 
-    /// SH of an order at places, from so many paths each. A path's random numbers hang on its place, its number and the seed alone:
-    /// the same bits in any order and company.
-    pub fn trace(&self, places: &[DVec3], order: usize, samples: u64) -> Result<Vec<ProbeEstimate>, GpuError> {
-        if samples > MOST_SAMPLES {
-            return Err(GpuError::TooLarge { what: "the paths a probe", needed: samples, limit: MOST_SAMPLES });
+    /// The environment, lights and effects of a transport.
+    pub fn of_transport(gpu: &Gpu, transport: &Transport, seed: u64) -> Result<Self, GpuError> {
+        let mut lights = transport.lights().to_vec();
+        lights.push(Light::Constant(Constant { radiance: transport.surroundings() }));
+        Self::new(gpu, transport.tracer().geometry(), &lights, transport.effects(), seed)
+    }
+
+    /// SH of an order at places, with derivatives along x, y and z where `gradient` says so. A path's random numbers hang on its place,
+    /// its number and the seed alone: with so many samples, the same bits in any order and company.
+    pub fn trace(
+        &self,
+        places: &[DVec3],
+        order: usize,
+        gradient: bool,
+        effort: Effort,
+    ) -> Result<Vec<ProbeEstimate>, GpuError> {
+        crate::with_order!(order, C => self.trace_of_order(places, &ProjectionGather::<C> { gradient }, effort))
+    }
+
+    fn trace_of_order<const C: usize>(
+        &self,
+        places: &[DVec3],
+        gather: &ProjectionGather<C>,
+        effort: Effort,
+    ) -> Result<Vec<ProbeEstimate>, GpuError> {
+        let (first, most) = match effort {
+            Effort::Samples(samples) => (samples.max(1), samples.max(1)),
+            Effort::Error { most_samples, .. } => (FIRST_ROUND.min(most_samples.max(1)), most_samples.max(1)),
+        };
+        if first > MOST_SAMPLES {
+            return Err(GpuError::TooLarge { what: "the paths a probe", needed: first, limit: MOST_SAMPLES });
         }
-        let samples = samples as usize;
-        let mut sums = vec![Sums::zero(coefficients(order)); places.len()];
-        let paths = places.len() * samples;
+        let mut sums: Vec<Sums> = places.iter().map(|place| Sums::new(*place, gather.width())).collect();
+        let mut open: Vec<usize> = (0..places.len()).collect();
+        let mut more = first as usize;
+        loop {
+            self.advance(&mut sums, &open, more, gather)?;
+            let Effort::Error { relative, deadline, .. } = effort else { break };
+            if deadline.is_some_and(|deadline| std::time::Instant::now() >= deadline) {
+                break;
+            }
+            let mean: [f64; 3] =
+                std::array::from_fn(|c| sums.iter().map(|s| s.mean(c).abs()).sum::<f64>() / sums.len().max(1) as f64);
+            let is_good = |sums: &Sums| {
+                (0..gather.tested()).all(|k| {
+                    let allowed = relative * sums.mean(k % 3).abs().max(DARK_SHARE * mean[k % 3]);
+                    sums.error(k) <= allowed
+                })
+            };
+            let limit = most.min(MOST_SAMPLES) as usize;
+            open.retain(|place| sums[*place].samples < limit && !is_good(&sums[*place]));
+            let Some(taken) = open.iter().map(|place| sums[*place].samples).max() else { break };
+            more = taken.min(limit - taken);
+        }
+        Ok(sums.into_iter().map(|sums| sums.estimate(C, self)).collect())
+    }
+
+    /// So many more paths to each of some probes.
+    fn advance<const C: usize>(
+        &self,
+        sums: &mut [Sums],
+        chosen: &[usize],
+        more: usize,
+        gather: &ProjectionGather<C>,
+    ) -> Result<(), GpuError> {
+        let paths = chosen.len() * more;
         for first in (0..paths).step_by(MOST_PATHS) {
             let range = first..(first + MOST_PATHS).min(paths);
-            let mut bound = self.bind(range.clone().map(|path| (places[path / samples], path % samples)))?;
+            let numbered = |path: usize| {
+                let sums = &sums[chosen[path / more]];
+                (sums.place, sums.before + path % more)
+            };
+            let mut bound = self.bind(range.clone().map(numbered))?;
             bound.run()?;
             let rows = bound.result()?;
             // each probe's arrivals of this run, in their order
-            let probes = range.start / samples..(range.end - 1) / samples + 1;
-            sums[probes.clone()].par_iter_mut().zip(probes).for_each(|(sums, probe)| {
-                let from = (probe * samples).max(range.start) - range.start;
-                let to = ((probe + 1) * samples).min(range.end) - range.start;
-                rows[from * ARRIVAL_ROWS..to * ARRIVAL_ROWS].chunks_exact(ARRIVAL_ROWS).for_each(|path| sums.add(path));
+            let mut tasks: Vec<(usize, &mut Sums)> = Vec::new();
+            for (index, sums) in sums.iter_mut().enumerate() {
+                if let Ok(at) = chosen.binary_search(&index) {
+                    tasks.push((at, sums));
+                }
+            }
+            tasks.into_par_iter().for_each(|(at, sums)| {
+                let from = (at * more).max(range.start);
+                let to = ((at + 1) * more).min(range.end);
+                if from < to {
+                    let own = &rows[(from - range.start) * ARRIVAL_ROWS..(to - range.start) * ARRIVAL_ROWS];
+                    own.chunks_exact(ARRIVAL_ROWS).for_each(|path| sums.add(path, self, gather));
+                }
             });
         }
-        Ok(sums.into_iter().map(|sums| sums.estimate(samples as f64)).collect())
+        chosen.iter().for_each(|index| sums[*index].before += more);
+        Ok(())
     }
 
     /// Time of one run of paths, everything on the device: for benches.
@@ -118,47 +229,153 @@ impl ProbeTracer {
         debug_assert!(!self.gpu.is_lost());
         self.pass.bind(&points, points.len(), &[self.scene.as_entire_binding()])
     }
+
+    /// How light that was drawn on one of the layout's lights changes with the probe's place.
+    fn from_light(&self, light: usize, place: DVec3, w: DVec3, distance: f64, weight: Rgb<f64>) -> Origin {
+        match self.lights[light] {
+            DrawnLight::Distant => Origin::Distant,
+            DrawnLight::Flat(normal) => Origin::Surface { distance, normal, drawn: true },
+            // the place stays: its direction turns, the weight goes with 1/distance^2
+            DrawnLight::Line => Origin::Drawn {
+                direction_slopes: DVec3::AXES.map(|axis| (w * w.dot(axis) - axis) / distance),
+                weight_slopes: DVec3::AXES.map(|axis| weight * (2.0 * w.dot(axis) / distance)),
+            },
+            DrawnLight::Sphere { center, radius } => cone_slopes(center - place, radius, w, weight),
+        }
+    }
+}
+
+impl ProbeDevice for ProbeTracer {
+    fn trace(&self, places: &[DVec3], task: TraceTask) -> Result<Vec<Estimate<Projected>>, String> {
+        let found = ProbeTracer::trace(self, places, task.order, task.gradient, task.effort);
+        Ok(found.map_err(|error| error.to_string())?.into_iter().map(|estimate| estimate.light).collect())
+    }
+}
+
+/// How a direction within the cone that a sphere fills changes, a metre of the probe along x, y and z, when its share of the cone's height
+/// and its azimuth stay; and its weight, which goes with the cone's solid angle 2 pi h, h = 1 - sqrt(1 - (radius/distance)^2).
+fn cone_slopes(to: DVec3, radius: f64, w: DVec3, weight: Rgb<f64>) -> Origin {
+    let distance = to.length();
+    let s2 = (radius / distance).powi(2);
+    if s2 >= 1.0 {
+        return Origin::Distant; // from within, directions are drawn over the whole sphere
+    }
+    let axis = to / distance;
+    let root = (1.0 - s2).sqrt();
+    let height = s2 / (1.0 + root);
+    let z = w.dot(axis).min(1.0);
+    let r = ((1.0 - z) * (1.0 + z)).sqrt();
+    let across = (w - axis * z).normalize_or_zero();
+    let slope_of_height = -s2 / (distance * root);
+    let (mut direction_slopes, mut weight_slopes) = ([DVec3::ZERO; 3], [Rgb::zero(); 3]);
+    for (k, moved) in DVec3::AXES.into_iter().enumerate() {
+        let along = axis.dot(moved);
+        let turn = axis.cross((axis * along - moved) / distance);
+        let growth = -along * slope_of_height;
+        let drop = -(1.0 - z) / height * growth;
+        let widening = if r > 0.0 { -z * drop / r } else { 0.0 };
+        direction_slopes[k] = turn.cross(w) + axis * drop + across * widening;
+        weight_slopes[k] = weight * (growth / height);
+    }
+    Origin::Drawn { direction_slopes, weight_slopes }
 }
 
 /// Sums over a probe's paths.
 #[derive(Clone)]
 struct Sums {
-    value: Vec<Rgb<f64>>,
-    square: Vec<Rgb<f64>>,
+    place: DVec3,
+    value: Vec<f64>,
+    square: Vec<f64>,
+    /// Of one path.
+    path: Vec<f64>,
+    samples: usize,
+    /// Paths of the rounds before.
+    before: usize,
+    inverse_depth: f64,
+    least_depth: f64,
+    counters: Counters,
 }
 
 impl Sums {
-    fn zero(coefficients: usize) -> Self {
-        Self { value: vec![Rgb::zero(); coefficients], square: vec![Rgb::zero(); coefficients] }
+    fn new(place: DVec3, width: usize) -> Self {
+        let zeros = vec![0.0; width];
+        Self {
+            place,
+            value: zeros.clone(),
+            square: zeros.clone(),
+            path: zeros,
+            samples: 0,
+            before: 0,
+            inverse_depth: 0.0,
+            least_depth: f64::INFINITY,
+            counters: Counters::default(),
+        }
     }
 
     /// One path: its three arrivals together are one sample of the SH vector.
-    fn add(&mut self, path: &[[f32; 4]]) {
-        let mut sample = [Rgb::zero(); 36];
-        for arrival in path.chunks_exact(2) {
-            let weight = Rgb::new(arrival[1][0], arrival[1][1], arrival[1][2]).to_double();
-            if weight.max_abs() > 0.0 {
-                let direction = Vector3::new(arrival[0][0], arrival[0][1], arrival[0][2]).to_double();
-                let y = basis::<f64, 36>(Vector3::of(direction));
-                for (sum, y) in sample.iter_mut().zip(y).take(self.value.len()) {
-                    *sum += weight * y;
-                }
+    fn add<const C: usize>(&mut self, path: &[[f32; 4]], tracer: &ProbeTracer, gather: &ProjectionGather<C>) {
+        self.samples += 1;
+        self.path.fill(0.0);
+        for (source, rows) in path[..6].chunks_exact(2).enumerate() {
+            let [x, y, z, from] = rows[0].map(f64::from);
+            let [r, g, b, distance] = rows[1].map(f64::from);
+            let (direction, weight) = (DVec3::new(x, y, z), Rgb::new(r, g, b));
+            if source == 2 && from >= 0.0 {
+                self.inverse_depth += 1.0 / distance;
+                self.least_depth = self.least_depth.min(distance);
             }
+            // at a singular place the term is dropped
+            if !(weight.max_abs() > 0.0 && weight.is_finite()) {
+                continue;
+            }
+            let origin = match source {
+                _ if !gather.gradient || from < 0.0 || distance > NO_HIT => Origin::Distant,
+                0 => tracer.from_light(from as usize, self.place, direction, distance, weight),
+                _ => {
+                    let normal = tracer.normals[from as usize];
+                    let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
+                    Origin::Surface { distance, normal, drawn: source == 1 }
+                }
+            };
+            gather.add(&mut self.path, &Arrival { direction, weight, origin }, &mut self.counters);
         }
-        for ((value, square), sample) in self.value.iter_mut().zip(&mut self.square).zip(sample) {
-            *value += sample;
-            *square += sample * sample;
+        for (k, sample) in self.path.iter().enumerate() {
+            self.value[k] += sample;
+            self.square[k] += sample * sample;
         }
+        let [closest, shadow, bounces, emitters] = path[6].map(|count| count as u64);
+        self.counters.closest_rays += closest;
+        self.counters.shadow_rays += shadow;
+        self.counters.bounces += bounces;
+        self.counters.emitter_samples += emitters;
     }
 
-    fn estimate(self, samples: f64) -> ProbeEstimate {
-        let value: Vec<Rgb<f64>> = self.value.iter().map(|sum| *sum * (1.0 / samples)).collect();
-        let error = |(mean, square): (&Rgb<f64>, &Rgb<f64>)| {
-            let variance = (*square * (1.0 / samples) - *mean * *mean) * (1.0 / (samples - 1.0).max(1.0));
-            Rgb::from_array(variance.to_array().map(|v| v.max(0.0).sqrt()))
-        };
-        let standard_error = value.iter().zip(&self.square).map(error).collect();
-        ProbeEstimate { value, standard_error }
+    fn mean(&self, k: usize) -> f64 {
+        self.value[k] / self.samples as f64
+    }
+
+    /// Standard error of a mean; infinite where one path alone was taken.
+    fn error(&self, k: usize) -> f64 {
+        let count = self.samples as f64;
+        let variance = self.square[k] / count - self.mean(k).powi(2);
+        if self.samples > 1 { (variance.max(0.0) / (count - 1.0)).sqrt() } else { f64::INFINITY }
+    }
+
+    fn estimate(self, coefficients: usize, tracer: &ProbeTracer) -> ProbeEstimate {
+        let numbers = |of: &dyn Fn(usize) -> f64| (0..self.value.len()).map(of).collect::<Vec<f64>>();
+        let read = |numbers: Vec<f64>| Projected::from_numbers(&numbers, coefficients);
+        let singular = tracer.pointlike.iter().map(|light| light.projection::<1>(Vector3::of(self.place)).singular);
+        ProbeEstimate {
+            light: Estimate {
+                value: read(numbers(&|k| self.mean(k))),
+                standard_error: read(numbers(&|k| self.error(k))),
+                samples: self.samples as u64,
+                singular: singular.sum(),
+                counters: self.counters,
+            },
+            harmonic_mean: self.samples as f64 / self.inverse_depth,
+            minimum: self.least_depth,
+        }
     }
 }
 
@@ -174,6 +391,8 @@ pub(super) struct Packed {
     pub light_count: usize,
     /// Sources of the triangles, in their order here.
     pub sources: Vec<u32>,
+    /// What each light of the rows is.
+    drawn: Vec<DrawnLight>,
 }
 
 impl Packed {
@@ -255,12 +474,13 @@ impl Packed {
 
         let first_light = rows.len();
         let mut surroundings = Rgb::zero();
+        let mut kinds = Vec::new();
         let mut maps = Vec::new();
         for light in lights {
             match light {
                 Light::Constant(constant) => surroundings += constant.radiance,
                 Light::Environment(environment) => maps.push(environment),
-                light => pack_light(light, origin, &mut rows),
+                light => pack_light(light, origin, &mut rows, &mut kinds),
             }
         }
         let count = (rows.len() - first_light) / LIGHT_ROWS;
@@ -293,6 +513,7 @@ impl Packed {
             emitters,
             lights: first_light,
             sources: tree.primitive_indices,
+            drawn: kinds,
         })
     }
 }
@@ -331,28 +552,32 @@ fn tree(boxes: &[Aabb]) -> Result<Bvh2, GpuError> {
 }
 
 /// Four rows a light: place and kind; two rows of its shape; radiance, intensity or irradiance.
-fn pack_light(light: &Light<f64>, origin: DVec3, rows: &mut Vec<[f32; 4]>) {
+fn pack_light(light: &Light<f64>, origin: DVec3, rows: &mut Vec<[f32; 4]>, kinds: &mut Vec<DrawnLight>) {
     let about = |p: Vector3<f64>| (p.to_double() - origin).as_vec3();
-    let mut push = |kind: u32, a: glam::Vec3, b: [f32; 4], c: [f32; 4], strength: Rgb<f64>| {
+    let mut push = |kind: u32, drawn, a: glam::Vec3, b: [f32; 4], c: [f32; 4], strength: Rgb<f64>| {
         let [r, g, blue] = strength.to_array().map(|v| v as f32);
         rows.extend([a.extend(f32::from_bits(kind)).to_array(), b, c, [r, g, blue, 0.0]]);
+        kinds.push(drawn);
     };
     let none = [0.0; 4];
     // triangles about the first corner, each a light of its own
     let mut fan = |corners: &[DVec3], radiance: Rgb<f64>| {
         for pair in corners[1..].windows(2) {
             let edge = |p: DVec3| (p - corners[0]).as_vec3().extend(0.0).to_array();
-            push(2, (corners[0] - origin).as_vec3(), edge(pair[0]), edge(pair[1]), radiance);
+            let normal = (pair[0] - corners[0]).cross(pair[1] - corners[0]).normalize_or_zero();
+            let drawn = DrawnLight::Flat(normal);
+            push(2, drawn, (corners[0] - origin).as_vec3(), edge(pair[0]), edge(pair[1]), radiance);
         }
     };
     let direction = |v: Vector3<f64>| v.to_double().as_vec3();
     match light {
         Light::Sphere(sphere) => {
-            push(0, about(sphere.center), [sphere.radius as f32, 0.0, 0.0, 0.0], none, sphere.radiance);
+            let drawn = DrawnLight::Sphere { center: sphere.center.to_double(), radius: sphere.radius };
+            push(0, drawn, about(sphere.center), [sphere.radius as f32, 0.0, 0.0, 0.0], none, sphere.radiance);
         }
         Light::Disk(disk) => {
             let b = direction(disk.normal).extend(disk.radius as f32).to_array();
-            push(1, about(disk.center), b, none, disk.radiance);
+            push(1, DrawnLight::Flat(disk.normal.to_double()), about(disk.center), b, none, disk.radiance);
         }
         Light::Rect(rect) => {
             let (center, [u, v]) = (rect.center().to_double(), rect.half_edges().map(|edge| edge.to_double()));
@@ -363,10 +588,11 @@ fn pack_light(light: &Light<f64>, origin: DVec3, rows: &mut Vec<[f32; 4]>) {
             fan(&corners, polygon.front_radiance());
         }
         Light::Tube(tube) => {
-            push(3, about(tube.from), about(tube.to).extend(0.0).to_array(), none, tube.intensity);
+            let to = about(tube.to).extend(0.0).to_array();
+            push(3, DrawnLight::Line, about(tube.from), to, none, tube.intensity);
         }
-        Light::Point(point) => push(4, about(point.position), none, none, point.intensity),
-        Light::Directional(sun) => push(5, direction(sun.towards), none, none, sun.irradiance),
+        Light::Point(point) => push(4, DrawnLight::Line, about(point.position), none, none, point.intensity),
+        Light::Directional(sun) => push(5, DrawnLight::Distant, direction(sun.towards), none, none, sun.irradiance),
         Light::Constant(_) | Light::Environment(_) => unreachable!("what is infinitely far is no light that is drawn"),
     }
 }

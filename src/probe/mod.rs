@@ -12,10 +12,10 @@ pub use crate::trace::Depths;
 pub use analytic::sample_lights;
 pub use captured::{sample_captured, sample_captured_on};
 pub use cube::{FACES, Texel, depths, texels};
-pub use device::{CaptureTask, ProbeDevice};
+pub use device::{CaptureTask, ProbeDevice, TraceTask};
 pub use gradient_source::GradientSource;
 pub use prober::{Prober, Probes};
-pub use traced::sample_traced;
+pub use traced::{sample_traced, sample_traced_on};
 
 use crate::sh::ShVectors;
 

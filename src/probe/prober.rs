@@ -2,7 +2,7 @@ use glam::DVec3;
 
 use super::{
     GradientSource, ProbeDevice, SampleRequest, Sampled, sample_captured, sample_captured_on, sample_lights,
-    sample_traced,
+    sample_traced, sample_traced_on,
 };
 use crate::light::Light;
 use crate::math::Rgb;
@@ -17,6 +17,8 @@ pub enum Probes {
     Analytic,
     /// Rays through the static environment, taken ahead of time.
     Traced { effort: Effort, seed: u64 },
+    /// The same by the prober's device, in f32 and with other random numbers.
+    TracedOnGpu { effort: Effort, seed: u64 },
     /// Cube maps of the scene around the sample, `face` texels along an edge, `paths` paths a texel for what surfaces reflect;
     /// rasterised by the prober's device where `on_gpu` says so.
     Captured { face: u32, paths: u32, seed: u64, on_gpu: bool },
@@ -28,7 +30,7 @@ pub enum Probes {
 impl Probes {
     /// Whether a device takes the samples.
     pub fn on_gpu(&self) -> bool {
-        matches!(self, Probes::Captured { on_gpu: true, .. })
+        matches!(self, Probes::Captured { on_gpu: true, .. } | Probes::TracedOnGpu { .. })
     }
 }
 
@@ -60,6 +62,15 @@ impl Prober<'_> {
                     Ok(sample_traced(transport, &self.bounds, places, self.order, seed, effort))
                 }),
             },
+            (Probes::TracedOnGpu { effort, .. }, Some(_)) => {
+                let device = self.device.ok_or("the rays want a GPU and none was opened")?;
+                match self.gradients {
+                    GradientSource::Analytic => sample_traced_on(device, &self.bounds, requests, self.order, effort),
+                    GradientSource::Central { step } => differences(requests, step, |places, _| {
+                        sample_traced_on(device, &self.bounds, places, self.order, effort)
+                    }),
+                }
+            }
             (Probes::Captured { face, paths, seed, on_gpu }, Some(transport)) => {
                 let device = match on_gpu {
                     true => Some(self.device.ok_or("the captures want a GPU and none was opened")?),

@@ -8,9 +8,15 @@ use super::{BakeLog, Store, StoreError};
 use crate::candidate::{GpuBench, Probes, Recipe, probe_device};
 use crate::experiment::{ALGORITHMS, Candidate, Key};
 use crate::light::Light;
-use crate::probe::{ProbeDevice, Prober};
+use crate::probe::Prober;
 use crate::trace::Transport;
-use crate::volume::{BakedVolume, Journal, NoJournal, SamplePool, WithPool, bake_with};
+use crate::volume::{BakedVolume, Journal, NoJournal, SamplePool, Volume, WithPool, bake_with};
+
+/// The lights of a frame, and the static environment under them where rays are cast.
+pub struct Surrounded<'a> {
+    pub lights: &'a [Light<f64>],
+    pub transport: Option<Transport<'a>>,
+}
 
 /// The volumes of a sweep, each baked once: numbers, times and images share them, and so do the candidates that read one differently
 /// or on another backend. Volumes under the same light share the samples that stand at the same place.
@@ -41,70 +47,96 @@ impl Bakery {
         }
     }
 
-    /// The recipe with the volume of its candidate, where the rig is one. A volume that is not there yet is baked now, with all threads:
-    /// ask for volumes one after the other, so that the seconds of a bake are its own.
+    /// The recipe with the volume of its candidate, where the rig is one: that of the frozen frame, that of all frames where no light
+    /// moves, else one a frame. `frames` are the lights of every frame; `only`: what one frame reads, no more. A volume that is not there
+    /// yet is baked now, with all threads: ask for volumes one after the other, so that the seconds of a bake are its own.
     pub fn stock(
         &self,
         recipe: Recipe,
         candidate: &Candidate,
-        lights: &[Light<f64>],
-        transport: Option<&Transport>,
+        frames: &[Surrounded],
+        only: Option<usize>,
         gpu: Option<&GpuBench>,
     ) -> Result<Recipe, String> {
         let Some(volume) = candidate.volume() else { return Ok(recipe) };
+        let moves = candidate.lights_move();
+        let wanted: Vec<usize> = match (candidate.freeze_frame(), only) {
+            (Some(frame), _) => vec![frame],
+            (None, _) if !moves => vec![0],
+            (None, Some(frame)) => vec![frame],
+            (None, None) => (0..frames.len()).collect(),
+        };
+        let bake = |frame: &usize| self.baked(&recipe, candidate, volume, *frame, &frames[*frame], gpu);
+        let baked: Vec<Arc<BakedVolume>> = wanted.iter().map(bake).collect::<Result<_, String>>()?;
+        let every_frame = moves && candidate.freeze_frame().is_none();
+        Ok(Recipe {
+            volume: baked.first().cloned(),
+            volume_of_frame: if wanted.len() > 1 { baked } else { Vec::new() },
+            volume_every_frame: every_frame,
+            ..recipe
+        })
+    }
+
+    /// A candidate's volume under the lights of a frame.
+    fn baked(
+        &self,
+        recipe: &Recipe,
+        candidate: &Candidate,
+        volume: &Volume,
+        frame: usize,
+        around: &Surrounded,
+        gpu: Option<&GpuBench>,
+    ) -> Result<Arc<BakedVolume>, String> {
+        let Surrounded { lights, transport } = around;
         let light = json!({
             "scene": candidate.scene.content,
             "lights": candidate.lights.name(),
             "layout": candidate.lights.layout.content,
-            "frame": candidate.freeze_frame(),
-            "effects": transport.map(|transport| transport.effects().to_string()),
+            "frame": candidate.lights_move().then_some(frame),
+            "effects": transport.as_ref().map(|transport| transport.effects().to_string()),
             "order": recipe.order,
             "probes": format!("{:?}", recipe.probes),
             "gradients": recipe.gradients,
             "window": recipe.window,
             "algorithms": ALGORITHMS.candidate,
         });
-        let key = Key::of(&json!([**volume, light]));
-        let known = self.baked.lock().expect("no holder panics").get(&key).cloned();
-        let baked = match known {
-            Some(known) => known,
-            None => {
-                let made = volume.bounds.resolve(&candidate.scene).and_then(|bounds| {
-                    let device = probe_device(recipe.probes, transport, gpu).map_err(|error| error.to_string())?;
-                    let prober = Prober {
-                        bounds,
-                        order: recipe.order,
-                        lights,
-                        transport,
-                        device: device.as_ref().map(|device| device as &dyn ProbeDevice),
-                        probes: recipe.probes,
-                        gradients: recipe.gradients,
-                        window: recipe.window,
-                    };
-                    // derivatives go along the box's axes
-                    let under = Key::of(&json!([format!("{:?}", bounds.axes), light]));
-                    let pool = self.pools.lock().expect("no holder panics").entry(under).or_default().clone();
-                    let mut journal = WithPool { journal: self.journal(&key, &prober), pool };
-                    bake_with(volume, &prober, &volume.tracks(&candidate.scene), &mut journal)
-                        .map_err(|error| error.to_string())
-                });
-                let made = made.map(Arc::new);
-                if let Ok(volume) = &made {
-                    let counts = volume.counts;
-                    if counts.recalled > 0 && counts.recalled < counts.taken {
-                        eprintln!(
-                            "{}: went on with a bake that was cut short: {} of its {} samples were there",
-                            candidate.label(),
-                            counts.recalled,
-                            counts.taken
-                        );
-                    }
-                }
-                self.baked.lock().expect("no holder panics").insert(key, made.clone());
-                made
+        let key = Key::of(&json!([volume, light]));
+        if let Some(known) = self.baked.lock().expect("no holder panics").get(&key) {
+            return known.clone();
+        }
+        let made = volume.bounds.resolve(&candidate.scene).and_then(|bounds| {
+            let transport = transport.as_ref();
+            let device = probe_device(recipe.probes, transport, gpu).map_err(|error| error.to_string())?;
+            let prober = Prober {
+                bounds,
+                order: recipe.order,
+                lights,
+                transport,
+                device: device.as_deref(),
+                probes: recipe.probes,
+                gradients: recipe.gradients,
+                window: recipe.window,
+            };
+            // derivatives go along the box's axes
+            let under = Key::of(&json!([format!("{:?}", bounds.axes), light]));
+            let pool = self.pools.lock().expect("no holder panics").entry(under).or_default().clone();
+            let mut journal = WithPool { journal: self.journal(&key, &prober), pool };
+            let tracks = volume.tracks(&candidate.scene);
+            bake_with(volume, &prober, &tracks, &mut journal).map(Arc::new).map_err(|error| error.to_string())
+        });
+        if let Ok(volume) = &made {
+            let counts = volume.counts;
+            if counts.recalled > 0 && counts.recalled < counts.taken {
+                eprintln!(
+                    "{}: went on with a bake that was cut short: {} of its {} samples were there",
+                    candidate.label(),
+                    counts.recalled,
+                    counts.taken
+                );
             }
-        }?;
-        Ok(Recipe { volume: Some(baked), ..recipe })
+        }
+        self.baked.lock().expect("no holder panics").insert(key, made.clone());
+        made
     }
 
     /// The log of a bake by rays; what is computed faster than it is read, and what cannot be written down, has none.

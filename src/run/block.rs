@@ -1,6 +1,7 @@
 //! A block: one scene under one layout in one frame, with everything that its candidates share.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
@@ -294,13 +295,14 @@ impl Block {
         transport: Option<&Transport>,
         gpu: Option<&GpuBench>,
     ) -> Result<Vec<Box<dyn Lit>>, CandidateError> {
-        self.prepare_after(recipe, transport, gpu, &[], 1)
+        self.prepare_after(recipe, recipe.volume.as_ref(), transport, gpu, &[], 1)
     }
 
-    /// The same, after frames in which the receivers' boxes were these.
+    /// The same with the volume of a frame, after frames in which the receivers' boxes were these.
     fn prepare_after(
         &self,
         recipe: &Recipe,
+        volume: Option<&Arc<BakedVolume>>,
         transport: Option<&Transport>,
         gpu: Option<&GpuBench>,
         before: &[Vec<OrientedBox>],
@@ -311,10 +313,16 @@ impl Block {
             .enumerate()
             .map(|(index, part)| {
                 let around = Surroundings { bounds: part.bounds, lights: &self.lights, wrap: part.wrap, transport };
-                match &recipe.volume {
+                match volume {
                     Some(baked) => {
                         let before: Vec<OrientedBox> = before.iter().map(|boxes| boxes[index]).collect();
-                        let reading = Reading { mesh: part.mesh.as_ref(), before: &before, object: index, frames };
+                        let reading = Reading {
+                            mesh: part.mesh.as_ref(),
+                            before: &before,
+                            object: index,
+                            frames,
+                            baked_every_frame: recipe.volume_every_frame,
+                        };
                         prepare_volume(baked, recipe.arithmetic, &around, reading, gpu)
                     }
                     None => prepare(recipe, &around, gpu),
@@ -357,7 +365,8 @@ impl Film {
         let boxes: Vec<Vec<OrientedBox>> =
             self.frames.iter().map(|block| block.parts.iter().map(|part| part.bounds).collect()).collect();
         let prepare = |frame: usize| {
-            self.frames[frame].prepare_after(recipe, transports.get(frame), gpu, &boxes[..frame], boxes.len())
+            let (volume, transport) = (recipe.volume_in(frame), transports.get(frame));
+            self.frames[frame].prepare_after(recipe, volume, transport, gpu, &boxes[..frame], boxes.len())
         };
         let frames = match frozen {
             Some(frame) => vec![prepare(frame)?],
@@ -401,6 +410,11 @@ impl Film {
             // costs are those of one frame; what is dropped as singular is counted over all
             counts: Counts {
                 singular: counts.iter().map(|c| c.singular).sum(),
+                // but rays are those of every bake
+                rays: match recipe.volumes() {
+                    [] => counts.first().map_or(Counters::default(), |c| c.rays),
+                    baked => baked.iter().map(|baked| baked.counts.rays).sum(),
+                },
                 ..counts.first().copied().unwrap_or_default()
             },
             direct_lights: counts
@@ -414,8 +428,8 @@ impl Film {
             ..Findings::default()
         };
         findings.pooled.values.extend(self.leak(&values).map(|leak| ("leak".to_owned(), leak)));
-        if let Some(baked) = &recipe.volume {
-            findings.pooled.values.extend(self.of_volume(baked, &values, statics));
+        if recipe.volume.is_some() {
+            findings.pooled.values.extend(self.of_volume(recipe, &values, statics));
         }
         if first.parts.len() > 1 {
             for (index, part) in first.parts.iter().enumerate() {
@@ -472,32 +486,41 @@ impl Film {
     /// What a volume is and how it errs where volumes do, by column.
     fn of_volume(
         &self,
-        baked: &BakedVolume,
+        recipe: &Recipe,
         values: &[Vec<Vec<Rgb<f64>>>],
         statics: &[[glam::DVec3; 3]],
     ) -> BTreeMap<String, f64> {
-        let counts = &baked.counts;
+        // of several bakes: what is kept is the most of a frame, what was done is the sum
+        let volumes = recipe.volumes();
+        let most = |of: &dyn Fn(&BakedVolume) -> f64| volumes.iter().map(|v| of(v)).fold(0.0, f64::max);
+        let sum = |of: &dyn Fn(&BakedVolume) -> f64| volumes.iter().map(|v| of(v)).sum::<f64>();
         let mut found = BTreeMap::from([
-            ("samples".to_owned(), counts.samples as f64),
-            ("samples_taken".to_owned(), counts.taken as f64),
-            ("samples_inside".to_owned(), counts.inside as f64),
-            ("floats".to_owned(), baked.floats() as f64),
-            ("bake_s".to_owned(), counts.seconds),
-            ("bake_rays".to_owned(), (counts.rays.rays() + counts.depth_rays) as f64),
+            ("bakes".to_owned(), volumes.len() as f64),
+            ("samples".to_owned(), most(&|v| v.counts.samples as f64)),
+            ("samples_taken".to_owned(), sum(&|v| v.counts.taken as f64)),
+            ("samples_inside".to_owned(), most(&|v| v.counts.inside as f64)),
+            ("floats".to_owned(), most(&|v| v.floats() as f64)),
+            ("bake_s".to_owned(), sum(&|v| v.counts.seconds)),
+            ("bake_rays".to_owned(), sum(&|v| (v.counts.rays.rays() + v.counts.depth_rays) as f64)),
         ]);
-        if counts.rays.texels > 0 {
-            found.insert("bake_texels".to_owned(), counts.rays.texels as f64);
+        for (name, count) in [
+            ("bake_texels", sum(&|v| v.counts.rays.texels as f64)),
+            ("bake_draws", sum(&|v| v.counts.rays.draws as f64)),
+        ] {
+            if count > 0.0 {
+                found.insert(name.to_owned(), count);
+            }
         }
-        if counts.rays.draws > 0 {
-            found.insert("bake_draws".to_owned(), counts.rays.draws as f64);
+        for jump in volumes.iter().filter_map(|baked| baked.face_jump()) {
+            for (name, jump) in [("face_jump", jump.all), ("level_jump", jump.between_levels)] {
+                let largest = found.entry(name.to_owned()).or_insert(jump);
+                *largest = largest.max(jump);
+            }
         }
-        if let Some(jump) = baked.face_jump() {
-            found.insert("face_jump".to_owned(), jump.all);
-            found.insert("level_jump".to_owned(), jump.between_levels);
-        }
-        if counts.rays.gradient_terms > 0 {
-            let share = counts.rays.clamped_gradients as f64 / counts.rays.gradient_terms as f64;
-            found.insert("clamped_share".to_owned(), share);
+        let terms = sum(&|v| v.counts.rays.gradient_terms as f64);
+        if terms > 0.0 {
+            let clamped = sum(&|v| v.counts.rays.clamped_gradients as f64);
+            found.insert("clamped_share".to_owned(), clamped / terms);
         }
         // errors of some of the points, over what is true there
         let nrmse_where = |chosen: &dyn Fn(usize, &SurfacePoint) -> bool| {
@@ -510,8 +533,14 @@ impl Film {
             let scale = metric::rms(&truth);
             (scale > 0.0).then(|| metric::rms(&error) / scale)
         };
-        let at_boundary = baked.level_boundaries();
-        if let Some(error) = nrmse_where(&|_, point| at_boundary(point.position)) {
+        let at_boundary: Vec<bool> = (0..self.frames.len())
+            .flat_map(|frame| {
+                let at = recipe.volume_in(frame).expect("there is a volume").level_boundaries();
+                let points = self.frames[frame].parts.iter().flat_map(|part| &part.points);
+                points.map(|point| at(point.position)).collect::<Vec<bool>>()
+            })
+            .collect();
+        if let Some(error) = nrmse_where(&|index, _| at_boundary[index]) {
             found.insert("boundary_nrmse".to_owned(), error);
         }
         if !statics.is_empty() && statics.len() <= MOST_STATICS && self.answers(values).count() >= QUARTERS.len() {

@@ -9,15 +9,14 @@ use std::collections::{BTreeMap, HashMap};
 
 use super::block::{Block, BlockRequest, Part};
 use super::{ArrayCache, TimingSettings};
-use crate::candidate::{Arithmetic, CandidateError, GpuBench, Probes, Recipe, Surroundings, local_points, prepare};
-use crate::light::{self, Light, LightModel};
+use crate::candidate::{Arithmetic, CandidateError, GpuBench, Recipe, Surroundings, local_points, prepare};
+use crate::light::{self, Light};
 use crate::math::{Rgb, Vector3};
 use crate::metric::rms;
-use crate::probe::GradientSource;
 use crate::rig::interpolation::Interpolation;
 use crate::rig::{AnyRig, AxisModel, AxisNames, Lattice, LocalPoints, Mixed, Rig, RigModel, ShVectors};
 use crate::scene::{LayoutInstance, Scene};
-use crate::sh::{Lobe, Window};
+use crate::sh::Lobe;
 use crate::with_order;
 
 /// Sample counts of an axis that are searched.
@@ -230,17 +229,7 @@ impl CostModel {
 }
 
 fn recipe(rig: &AnyRig, order: usize, arithmetic: Arithmetic) -> Recipe {
-    Recipe {
-        rig: Some(rig.clone()),
-        volume: None,
-        lights: LightModel::EXACT,
-        transition: None,
-        order,
-        gradients: GradientSource::Analytic,
-        window: Window::None,
-        probes: Probes::Analytic,
-        arithmetic,
-    }
+    Recipe::new(Some(rig.clone()), order, arithmetic)
 }
 
 impl Place {

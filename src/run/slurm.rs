@@ -425,7 +425,7 @@ pub(super) fn expected_seconds(experiment: &Experiment, candidate: &Candidate) -
     let coefficients = candidate.order.unwrap_or(3).pow(2) as f64;
     let a_point = if candidate.rig().is_some() { coefficients * 1e-8 } else { lights * 1e-6 };
     let paths = match candidate.probe_source {
-        Some(ProbeSource::Traced { spp }) => f64::from(spp.unwrap_or(65_536)),
+        Some(ProbeSource::Traced { spp, .. }) => f64::from(spp.unwrap_or(65_536)),
         _ => 0.0,
     };
     let setup = scene.frames as f64 * receivers * 30.0 * (lights * coefficients * 1e-6 + paths * 2e-6);

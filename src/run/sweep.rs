@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use rayon::prelude::*;
 use serde_json::json;
 
-use super::bakery::Bakery;
+use super::bakery::{Bakery, Surrounded};
 use super::block::{Block, BlockRequest, Film, Findings, Sampling, View};
 use super::crew::{Crew, CrewOptions};
 use super::progress::Progress;
@@ -187,12 +187,18 @@ pub fn recipe_of(candidate: &Candidate, seed: u64) -> Recipe {
     Recipe {
         rig: candidate.rig().cloned(),
         volume: None,
+        volume_of_frame: Vec::new(),
+        volume_every_frame: false,
         order: candidate.order.unwrap_or(3),
         gradients: candidate.gradient_source.unwrap_or(GradientSource::Analytic),
         window: candidate.window.unwrap_or(Window::None),
         probes: match candidate.probe_source {
-            Some(ProbeSource::Traced { spp }) => {
-                Probes::Traced { effort: spp.map_or(Effort::ACCURATE, |s| Effort::Samples(u64::from(s))), seed }
+            Some(ProbeSource::Traced { spp, on }) => {
+                let effort = spp.map_or(Effort::ACCURATE, |s| Effort::Samples(u64::from(s)));
+                match on {
+                    Backend::Cpu => Probes::Traced { effort, seed },
+                    Backend::Gpu => Probes::TracedOnGpu { effort, seed },
+                }
             }
             Some(ProbeSource::Captured { face, on }) => {
                 Probes::Captured { face: face.unwrap_or(FACE), paths: CAPTURE_PATHS, seed, on_gpu: on == Backend::Gpu }
@@ -461,7 +467,7 @@ pub(super) fn render(
             if runs[*index].candidate.rig().is_none() && runs[*index].candidate.order.is_some() {
                 tell(*index, Step::Begins);
             }
-            (*index, stage.recipe(work.experiment, &runs[*index].candidate, &film, work.bakery, work.bench))
+            (*index, stage.recipe(work.experiment, &runs[*index].candidate, &film, work.bakery, work.bench, None))
         })
         .collect();
     let judge = |index: usize| -> Result<(usize, Ending), StoreError> {
@@ -524,7 +530,7 @@ impl Stage {
         frames.map(|block| self.transport(&block.lights)).collect()
     }
 
-    /// The recipe of a candidate, with its volume.
+    /// The recipe of a candidate, with its volume; `only`: with that of one frame alone.
     fn recipe(
         &self,
         experiment: &Experiment,
@@ -532,10 +538,18 @@ impl Stage {
         film: &Film,
         bakery: &Bakery,
         gpu: Option<&GpuBench>,
+        only: Option<usize>,
     ) -> Result<Recipe, String> {
-        let lights = &film.frames[candidate.freeze_frame().unwrap_or(0)].lights;
-        let transport = self.is_sampled().then(|| self.transport(lights));
-        bakery.stock(recipe_of(candidate, experiment.seed), candidate, lights, transport.as_ref(), gpu)
+        let frames: Vec<Surrounded> = match candidate.volume() {
+            Some(_) => film.frames.iter().map(|block| self.surrounded(block)).collect(),
+            None => Vec::new(),
+        };
+        bakery.stock(recipe_of(candidate, experiment.seed), candidate, &frames, only, gpu)
+    }
+
+    fn surrounded<'a>(&'a self, block: &'a Block) -> Surrounded<'a> {
+        let transport = self.is_sampled().then(|| self.transport(&block.lights));
+        Surrounded { lights: &block.lights, transport }
     }
 
     fn transport<'a>(&'a self, lights: &[crate::light::Light<f64>]) -> Transport<'a> {
@@ -896,9 +910,11 @@ pub(super) fn time(
     let first = &runs[block[0]].candidate;
     let stage = Stage::new(experiment, first);
     let film = stage.film(experiment, first, Vec::new(), None, Wanted::default(), work.cache);
-    let frame = &film.frames[first.freeze_frame().unwrap_or(picture_frame(experiment, film.frames.len()))];
+    let number = first.freeze_frame().unwrap_or(picture_frame(experiment, film.frames.len()));
+    let frame = &film.frames[number];
     let transport = stage.is_sampled().then(|| stage.transport(&frame.lights));
-    let recipe = |i: &usize| stage.recipe(experiment, &runs[*i].candidate, &film, work.bakery, work.bench);
+    let recipe =
+        |i: &usize| stage.recipe(experiment, &runs[*i].candidate, &film, work.bakery, work.bench, Some(number));
     let stocked: Vec<Result<Recipe, String>> = block.iter().map(recipe).collect();
     let mut failures: Vec<(usize, String)> = block
         .iter()
@@ -1040,7 +1056,7 @@ pub(super) fn picture(work: &Workshop, runs: &[Run], block: &[usize]) -> Result<
     let transports = stage.transports(&film);
     let recipes: HashMap<usize, Result<Recipe, String>> = block
         .iter()
-        .map(|index| (*index, stage.recipe(experiment, &runs[*index].candidate, &film, work.bakery, work.bench)))
+        .map(|index| (*index, stage.recipe(experiment, &runs[*index].candidate, &film, work.bakery, work.bench, None)))
         .collect();
     let one = |index: usize| -> Result<Option<f64>, String> {
         let run = &runs[index];

@@ -13,7 +13,7 @@ pub const SILHOUETTE_COSINE: f64 = 1e-3;
 
 /// Light that arrives from one drawn direction.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Arrival {
+pub(crate) struct Arrival {
     pub direction: DVec3,
     /// Radiance over the density of the direction: for any g, the integral of L(w) g(w) dw is the mean of `weight * g(direction)`.
     pub weight: Rgb<f64>,
@@ -22,7 +22,7 @@ pub(super) struct Arrival {
 
 /// Where arriving light set out, as far as its change with the receiver's position depends on that.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Origin {
+pub(crate) enum Origin {
     /// So far away that moving the receiver changes nothing.
     Distant,
     /// A fixed place of a surface whose unit normal, turned to the receiver, is `normal`: the weight goes with cos/distance^2.
@@ -33,7 +33,7 @@ pub(super) enum Origin {
 }
 
 /// What a receiver makes of arriving light.
-pub(super) trait Gather: Sync {
+pub(crate) trait Gather: Sync {
     /// Numbers in the result; the first three are its scale, an R, a G and a B.
     fn width(&self) -> usize;
     /// Leading numbers that must reach the accuracy asked for.
@@ -142,7 +142,7 @@ impl Gather for IrradianceGather<'_> {
 /// For lights of the layout, which are drawn by solid angle, 1/cos would have unbounded variance: there the sample itself is
 /// differentiated, grad (weight Y_i(w)) with the numbers held with which it was drawn.
 /// Layout: `[(block * C + coefficient) * 3 + channel]`, block 0 the value, 1 to 3 the derivatives.
-pub(super) struct ProjectionGather<const C: usize> {
+pub(crate) struct ProjectionGather<const C: usize> {
     pub gradient: bool,
     /// Metres: what is nearer is touched. 1/distance has no bound there, and no step of an object goes by it: its terms count as clamped.
     pub touch: f64,

@@ -21,6 +21,7 @@ pub use counters::{CastRay, Counters};
 pub use effects::{Bounces, Effects, EffectsChoice, SceneFacts};
 pub use estimate::{Effort, Estimate, Projected, Seed};
 pub use gather::SILHOUETTE_COSINE;
+pub(crate) use gather::{Arrival, Gather, Origin, ProjectionGather};
 pub use geometry::{TracedGeometry, TracedMaterial};
 pub use transport::{Sight, Tracer, Transport};
 pub use visibility::{Hit, Visibility};

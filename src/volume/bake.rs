@@ -683,7 +683,7 @@ impl Baker<'_> {
 
 /// What captures depths: what captures the samples.
 fn depth_device<'a>(prober: &Prober<'a>) -> Option<&'a dyn ProbeDevice> {
-    prober.device.filter(|_| prober.probes.on_gpu())
+    prober.device.filter(|_| matches!(prober.probes, Probes::Captured { on_gpu: true, .. }))
 }
 
 /// Depths around world places, and what their texels see: by rays, or by a device's rasteriser.

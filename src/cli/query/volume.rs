@@ -150,8 +150,13 @@ impl<'a> Reader<'a> {
     }
 
     fn read(&self, baked: &Arc<BakedVolume>, points: &[SurfacePoint]) -> Result<Values, Failure> {
-        let reading =
-            Reading { mesh: self.mesh.as_ref(), before: &self.before, object: self.object, frames: self.frames };
+        let reading = Reading {
+            mesh: self.mesh.as_ref(),
+            before: &self.before,
+            object: self.object,
+            frames: self.frames,
+            ..Reading::default()
+        };
         let (arithmetic, bench) = (self.arithmetic, self.bench.as_ref());
         if self.args.quantity == Quantity::Irradiance {
             let lit = prepare_volume(baked, arithmetic, &self.around, reading, bench).map_err(failed)?;

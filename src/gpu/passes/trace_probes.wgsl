@@ -1,6 +1,8 @@
 // Paths of light to probes: one path an invocation. `q` is the probe's place about the scene's centre, `n.x` the path's number.
-// Result, six rows: direction and weight of what arrives from a light of the layout, from a place drawn on emissive geometry, and along
-// a direction drawn over the sphere. The mean over paths of the sum of weight * Y(direction) is the probe's SH vector.
+// Result, seven rows: direction and weight of what arrives from a light of the layout, from a place drawn on emissive geometry, and along
+// a direction drawn over the sphere; behind a direction the light or triangle that it comes from (none: -1), behind a weight the distance.
+// The last row counts rays for the nearest surface, rays for anything at all, bounces and samples of emissive geometry.
+// The mean over paths of the sum of weight * Y(direction) is the probe's SH vector.
 //
 // The scene is one buffer (src/gpu/trace.rs packs it): a header of four rows, then nodes, triangles, emitters, lights, environment maps.
 
@@ -15,6 +17,10 @@ const HIGHEST_SURVIVAL: f32 = 0.98;
 var<private> random_state: u32;
 // For the nearest surface, and for anything at all.
 var<private> rays_cast: vec2u;
+// Bounces, and samples of emissive geometry.
+var<private> work_done: vec2u;
+// The light that was drawn last.
+var<private> picked_light: u32;
 
 // PCG (O'Neill 2014), the permutation of one word.
 fn scramble(value: u32) -> u32 {
@@ -166,6 +172,7 @@ fn draw_flat(place: vec3f, normal: vec3f, area: f32, radiance: vec3f, p: vec3f) 
 fn draw_light(p: vec3f) -> Draw {
     let count = header(1u, 1u);
     let pick = min(u32(uniform_number() * f32(count)), count - 1u);
+    picked_light = pick;
     let at = LIGHTS + 4u * pick;
     let a = scene[at];
     let b = scene[at + 1u];
@@ -234,9 +241,11 @@ struct EmitterDraw {
     normal: vec3f,
     radiance: vec3f,
     density: f32,
+    triangle: u32,
 }
 
 fn draw_emitter() -> EmitterDraw {
+    work_done.y += 1u;
     let u = uniform_number();
     var low = 0u;
     var high = header(1u, 0u) - 1u;
@@ -245,11 +254,12 @@ fn draw_emitter() -> EmitterDraw {
         let middle = (low + high) / 2u;
         if scene[EMITTERS + middle].x > u { high = middle; } else { low = middle + 1u; }
     }
-    let at = TRIANGLES + TRIANGLE_ROWS * bitcast<u32>(scene[EMITTERS + low].y);
+    let triangle = bitcast<u32>(scene[EMITTERS + low].y);
+    let at = TRIANGLES + TRIANGLE_ROWS * triangle;
     let root = sqrt(uniform_number());
     let v = uniform_number();
     let place = scene[at].xyz + scene[at + 1u].xyz * (root * (1.0 - v)) + scene[at + 2u].xyz * (root * v);
-    return EmitterDraw(place, scene[at + 3u].xyz, scene[at + 4u].xyz, scene[at + 3u].w);
+    return EmitterDraw(place, scene[at + 3u].xyz, scene[at + 4u].xyz, scene[at + 3u].w, triangle);
 }
 
 // Share of a sample drawn with one density where another way would have drawn it too (Veach 1997, power 2).
@@ -328,6 +338,7 @@ fn reflected(first: Surface) -> vec3f {
     var sum = vec3f(0.0);
     var throughput = s.albedo;
     for (var bounce = 1u; bounce <= most; bounce++) {
+        work_done.x += 1u;
         if max(throughput.x, max(throughput.y, throughput.z)) <= 0.0 { break; }
         let start = s.position + s.normal * gap(s.position);
         sum += throughput * direct(s, start) / PI;
@@ -364,8 +375,10 @@ fn trace_probes(@builtin(global_invocation_id) id: vec3u) {
     let sends = (header(1u, 3u) & 2u) != 0u;
 
     var light = Draw(vec3f(0.0, 0.0, 1.0), 0.0, vec3f(0.0));
+    var from_light = -1.0;
     if header(1u, 1u) > 0u {
         light = draw_light(p);
+        from_light = f32(picked_light);
         if shadows && any(light.weight > vec3f(0.0)) && is_blocked(p, light.direction, light.distance - 16.0 * gap(p)) {
             light.weight = vec3f(0.0);
         }
@@ -373,11 +386,15 @@ fn trace_probes(@builtin(global_invocation_id) id: vec3u) {
 
     var emitter_direction = vec3f(0.0, 0.0, 1.0);
     var emitter_weight = vec3f(0.0);
+    var from_emitter = -1.0;
+    var emitter_distance = 0.0;
     if sends && header(1u, 0u) > 0u {
         let draw = draw_emitter();
         let to = draw.place - p;
         let squared = dot(to, to);
         emitter_direction = to * inverseSqrt(squared);
+        emitter_distance = sqrt(squared);
+        from_emitter = f32(draw.triangle);
         let sent = -dot(draw.normal, emitter_direction);
         if sent > 0.0 {
             let pdf = draw.density * squared / sent;
@@ -394,20 +411,26 @@ fn trace_probes(@builtin(global_invocation_id) id: vec3u) {
     let r = sqrt(max(1.0 - z * z, 0.0));
     let direction = vec3f(r * cos(turn), r * sin(turn), z);
     var radiance = surroundings(direction);
+    var from_surface = -1.0;
+    var depth = NO_HIT;
     if sends {
         let hit = meet(p, direction, NO_HIT, false);
         if hit.triangle != 0xffffffffu {
             let s = surface(hit, p, direction);
+            from_surface = f32(hit.triangle);
+            depth = hit.t;
             radiance = emitted(s, direction, 0.25 / PI) + reflected(s);
         }
     } else if shadows && any(radiance > vec3f(0.0)) && is_blocked(p, direction, NO_HIT) {
         radiance = vec3f(0.0);
     }
 
-    result[6u * i] = vec4f(light.direction, 0.0);
-    result[6u * i + 1u] = vec4f(light.weight, 0.0);
-    result[6u * i + 2u] = vec4f(emitter_direction, 0.0);
-    result[6u * i + 3u] = vec4f(emitter_weight, 0.0);
-    result[6u * i + 4u] = vec4f(direction, 0.0);
-    result[6u * i + 5u] = vec4f(radiance * (4.0 * PI), 0.0);
+    let at = 7u * i;
+    result[at] = vec4f(light.direction, from_light);
+    result[at + 1u] = vec4f(light.weight, light.distance);
+    result[at + 2u] = vec4f(emitter_direction, from_emitter);
+    result[at + 3u] = vec4f(emitter_weight, emitter_distance);
+    result[at + 4u] = vec4f(direction, from_surface);
+    result[at + 5u] = vec4f(radiance * (4.0 * PI), depth);
+    result[at + 6u] = vec4f(vec4u(rays_cast, work_done));
 }
