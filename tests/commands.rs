@@ -258,6 +258,22 @@ fn a_missing_gpu_is_an_error_only_where_one_was_demanded() {
     assert_eq!(rows.iter().filter(|row| row["status"] == "skipped" && row["backend"] == "gpu").count(), 3);
     let (exit, _) = without_driver(&[&both[..], &["--backend", "gpu"]].concat());
     assert_eq!(exit, 5);
+    // candidates of the CPU whose probes a GPU traces are skipped, too; the others go on
+    let rays = [
+        "run",
+        "experiments/small.toml",
+        "--set",
+        "matrix.probe_source=[\"rays\"]",
+        "--set",
+        "probe_source.rays.traced={ spp = 8, on = \"gpu\" }",
+    ];
+    let (exit, log) = without_driver(&rays);
+    assert_eq!(exit, 0, "{log}");
+    assert!(log.contains("GPU rows are skipped"), "{log}");
+    let rows = csv(&std::fs::read(results(folder.path())).unwrap());
+    let skipped: Vec<&str> = rows.iter().filter(|r| r["status"] == "skipped").map(|r| r["rig"].as_str()).collect();
+    assert_eq!(skipped, ["constant", "gradient"]);
+    assert!(rows.iter().any(|row| row["status"] == "ok" && row["rig"] == "direct"));
 }
 
 /// The same project with other effects: what was counted, by name.

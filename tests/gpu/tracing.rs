@@ -126,7 +126,7 @@ fn traced(tracer: &ProbeTracer, places: &[DVec3]) -> Vec<Estimate<Projected>> {
 }
 
 fn honest((square, largest): (f64, f64)) -> bool {
-    square < 1.8 && largest < 4.5
+    square < 1.8 && largest < 6.0
 }
 
 #[test]
@@ -275,13 +275,57 @@ fn a_furnace_on_the_gpu_glows_as_the_series_says() {
         let tracer = ProbeTracer::new(gpu, &furnace, &[], Effects::bounces(Bounces::Count(1)), 3).unwrap();
         let effort = |relative| Effort::Error { relative, most_samples: 100_000, deadline: None };
         let [rough, fine] =
-            [0.02, 0.01].map(|relative| tracer.trace(&places[..2], 1, false, effort(relative)).unwrap());
-        for (found, relative) in [(&rough, 0.02), (&fine, 0.01)] {
+            [0.02, 0.003].map(|relative| tracer.trace(&places[..2], 1, false, effort(relative)).unwrap());
+        for (found, relative) in [(&rough, 0.02), (&fine, 0.003)] {
             for estimate in found.iter().map(|e| &e.light) {
                 let share = estimate.standard_error.value[0].g / estimate.value.value[0].g;
                 assert!(share <= relative && share > 0.3 * relative, "{share} where {relative} was asked for");
             }
         }
         assert!(fine[0].light.samples >= 2 * rough[0].light.samples);
+    });
+}
+
+#[test]
+fn volumes_of_probes_traced_on_the_gpu_are_those_of_the_cpu() {
+    use rigbench::probe::{GradientSource, Prober, Probes};
+    use rigbench::scene::OrientedBox;
+    use rigbench::sh::Window;
+    use rigbench::volume::{BakedVolume, Volume, bake};
+    on_gpu("volumes_of_probes_traced_on_the_gpu_are_those_of_the_cpu", |gpu| {
+        let (tracer, lights) = (Tracer::new(&room()), lights());
+        let transport = Transport::new(&tracer, &lights, Effects::bounces(Bounces::Count(1)));
+        let device = ProbeTracer::of_transport(gpu, &transport, 3).unwrap();
+        let table = "grid = { bounds = \"room\", samples = [3, 3, 3], interpolation = \"half_gradient\" }";
+        let volume = Volume::inline(table).unwrap();
+        let prober = Prober {
+            bounds: OrientedBox::aligned(DVec3::new(-1.1, -0.9, -1.4), DVec3::new(0.1, 0.6, 2.0)),
+            order: 2,
+            lights: &lights,
+            transport: Some(&transport),
+            device: Some(&device),
+            probes: Probes::TracedOnGpu { effort: Effort::Samples(4096), seed: 3 },
+            gradients: GradientSource::Analytic,
+            window: Window::None,
+        };
+        let baked = |prober: &Prober| bake(&volume, prober).unwrap();
+        let on_gpu = baked(&prober);
+        assert_eq!(on_gpu.values, baked(&prober).values, "the same bits");
+        assert!(on_gpu.counts.rays.closest_rays >= 27 * 4096 && on_gpu.counts.rays.bounces > 0);
+        let cpu = baked(&Prober { probes: Probes::Traced { effort: Effort::Samples(4096), seed: 3 }, ..prober });
+        let rms = |data: &mut dyn Iterator<Item = f64>| data.map(|v| v * v).sum::<f64>().sqrt();
+        let apart = |a: &[f64], b: &[f64]| rms(&mut a.iter().zip(b).map(|(a, b)| a - b)) / rms(&mut b.iter().copied());
+        let slopes = |volume: &BakedVolume| volume.slopes.as_ref().unwrap().data.clone();
+        let (values, derivatives) =
+            (apart(&on_gpu.values.data, &cpu.values.data), apart(&slopes(&on_gpu), &slopes(&cpu)));
+        println!("values {values}, derivatives {derivatives}");
+        assert!(values < 0.06 && derivatives < 0.3, "values {values}, derivatives {derivatives}");
+        // central differences: six more samples each, and noise over the step
+        let central = baked(&Prober { gradients: GradientSource::Central { step: 0.2 }, ..prober });
+        assert!(central.counts.rays.closest_rays >= 7 * 27 * 4096);
+        assert!(apart(&slopes(&central), &slopes(&cpu)) < 1.0 && apart(&slopes(&central), &slopes(&cpu)) > 0.0);
+        // no device, no samples, and it says why
+        let missing = bake(&volume, &Prober { device: None, ..prober }).unwrap_err().to_string();
+        assert!(missing.contains("GPU"), "{missing}");
     });
 }
