@@ -73,7 +73,7 @@ fn with_a_room(folder: &Path) {
         "schema_version = 1\ntitle = \"room\"\n[animation]\nframes = 3\n[material.grey]\nalbedo = [0.5, 0.5, 0.5]\n\
          [[object]]\nname = \"floor\"\nmaterial = \"grey\"\nshape = { quad = { center = [0, -0.2, 0], u = [2, 0, 0], v = [0, 0, -2] } }\n\
          [[object]]\nname = \"wall\"\nmaterial = \"grey\"\nshape = { box = { min = [-1.2, 0, -1], max = [-1, 1, 1] } }\n\
-         [[object]]\nname = \"ball\"\nreceiver = true\npath = { points = [[-0.3, 0.5, 0], [0.3, 0.5, 0]] }\n\
+         [[object]]\nname = \"ball\"\nreceiver = true\npath = { points = [[-0.3, 0, 0], [0.3, 0, 0]] }\n\
          shape = { sphere = { center = [0, 0.5, 0], radius = 0.3 } }\n\
          [[receiver]]\nname = \"space\"\nbounds = { min = [-0.8, 0, -0.8], max = [0.8, 1, 0.8] }\n",
     )

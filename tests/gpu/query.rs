@@ -82,22 +82,5 @@ fn a_query_of_a_volume_on_the_gpu_is_that_of_the_cpu() {
                 assert!(off < tolerance && off > 0.0, "{rig}, {quantity}: {off:e}");
             }
         }
-        // what the device has no shader for is said
-        let rig = format!("two_level = {{ {bounds}, samples = [3, 3, 3], inner = 2 }}");
-        let mut command = Command::cargo_bin("rigbench").expect("cargo builds the binary for its tests");
-        let asked = [
-            "query",
-            "./ball.toml",
-            "--lights",
-            "./lights.toml",
-            "--points",
-            "points.csv",
-            "--backend",
-            "gpu",
-            "--rig",
-        ];
-        let output = command.current_dir(folder.path()).args(asked).arg(rig).output().unwrap();
-        assert_eq!(output.status.code(), Some(2));
-        assert!(String::from_utf8_lossy(&output.stderr).contains("--backend cpu"));
     });
 }

@@ -158,7 +158,7 @@ fn once_an_object_once_a_vertex_and_at_every_point() {
     let mesh = quad_mesh();
     let points = on_mesh(&mesh);
     let bounds = OrientedBox::aligned(DVec3::new(-0.5, 0.0, -0.3), DVec3::new(0.6, 0.3, 0.7));
-    let reading = Reading { mesh: Some(&mesh), before: &[], object: 0, frames: 1 };
+    let reading = Reading { mesh: Some(&mesh), frames: 1, ..Reading::default() };
     let structures = [
         format!("grid = {{ {BOX}, samples = [4, 3, 5]"),
         format!("two_level = {{ {BOX}, samples = [4, 3, 5], inner = 2"),
@@ -240,7 +240,7 @@ fn smoothing_spreads_a_step_over_frames() {
     // and what a receiver reads in a frame, after the frames before it, is the same
     let object = |p: &DVec3| OrientedBox::aligned(*p - DVec3::splat(0.1), *p + DVec3::splat(0.1));
     let before: Vec<OrientedBox> = places[..first + 2].iter().map(object).collect();
-    let reading = Reading { mesh: None, before: &before, object: 0, frames: places.len() };
+    let reading = Reading { before: &before, frames: places.len(), ..Reading::default() };
     let now = places[first + 2];
     let point = SurfacePoint { position: now, normal: DVec3::Y };
     let e = irradiance(&volume, object(&now), reading, &[point])[0];
