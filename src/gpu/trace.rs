@@ -46,6 +46,8 @@ pub struct ProbeTracer {
     pass: PointPass,
     scene: wgpu::Buffer,
     origin: DVec3,
+    /// Metres within which a surface is touched: there its derivatives are left out, as on the CPU.
+    touch: f64,
     /// Unit normals of the triangles, in the shader's order.
     normals: Vec<DVec3>,
     lights: Vec<DrawnLight>,
@@ -116,6 +118,7 @@ impl ProbeTracer {
             pass,
             scene,
             origin: packed.origin,
+            touch: f64::from(16.0 * EPSILON * packed.half_diagonal),
             normals: packed.sources.iter().map(normal).collect(),
             lights: packed.drawn,
             pointlike: lights.iter().filter(|l| matches!(l, Light::Point(_) | Light::Tube(_))).cloned().collect(),
@@ -138,7 +141,7 @@ impl ProbeTracer {
         gradient: bool,
         effort: Effort,
     ) -> Result<Vec<ProbeEstimate>, GpuError> {
-        crate::with_order!(order, C => self.trace_of_order(places, &ProjectionGather::<C> { gradient }, effort))
+        crate::with_order!(order, C => self.trace_of_order(places, &ProjectionGather::<C> { gradient, touch: self.touch }, effort))
     }
 
     fn trace_of_order<const C: usize>(

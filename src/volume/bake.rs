@@ -247,9 +247,9 @@ fn bake_laid_out(
 /// Whether a sample is the same whatever others are taken with it.
 fn are_poolable(prober: &Prober) -> bool {
     match prober.probes {
-        Probes::Traced { effort, .. } => matches!(effort, Effort::Samples(_)) && !prober.probes.on_gpu(),
+        Probes::Traced { effort, .. } => matches!(effort, Effort::Samples(_)),
         Probes::Captured { .. } => !prober.probes.on_gpu(),
-        Probes::Analytic | Probes::Relit { .. } => false,
+        Probes::Analytic | Probes::TracedOnGpu { .. } | Probes::Relit { .. } => false,
     }
 }
 
