@@ -399,13 +399,18 @@ impl<'c> Truth<'c> {
     fn naive(&self, order: Option<usize>, points: &[SurfacePoint]) -> Option<Vec<Rgb<f64>>> {
         match (self.rig, order) {
             (Some(_), Some(order)) => Some(shaded(self.naive_coefficients.as_ref()?, self.case.wrap, order, points)),
-            _ if self.formula != LightModel::EXACT || self.case.wrap != 0.0 => None,
+            _ if self.case.wrap != 0.0 => None,
             _ => {
+                let naive: fn(&[Light<f32>], Vector3<f32>, Vector3<f32>) -> Option<Rgb<f32>> = match self.formula {
+                    formula if formula == LightModel::EXACT => naive::irradiance,
+                    formula if formula.rect == "representative_point" => naive::representative_point,
+                    _ => return None,
+                };
                 let world: Vec<Light<f32>> =
                     self.case.lights.iter().map(|light| light.relative_to(DVec3::ZERO)).collect();
                 points
                     .iter()
-                    .map(|p| naive::irradiance(&world, Vector3::of(p.position), Vector3::of(p.normal)))
+                    .map(|p| naive(&world, Vector3::of(p.position), Vector3::of(p.normal)))
                     .map(|e| e.map(|e| e.to_double()))
                     .collect()
             }

@@ -33,6 +33,37 @@ pub fn irradiance(lights: &[Light<f32>], p: V, n: V) -> Option<Rgb<f32>> {
     Some(sum)
 }
 
+/// The same with a rectangle's representative point as the sum of its centre and two edges, and its solid angle from corners that keep
+/// nothing of a small shape far away.
+pub fn representative_point(lights: &[Light<f32>], p: V, n: V) -> Option<Rgb<f32>> {
+    let unit = |v: V| v / v.dot(v).sqrt();
+    let length = |v: V| v.dot(v).sqrt();
+    let triangle = |a: V, b: V, c: V| {
+        let (la, lb, lc) = (length(a), length(b), length(c));
+        2.0 * a.dot(b.cross(c)).abs().atan2(la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb)
+    };
+    let mut sum = Rgb::zero();
+    for light in lights {
+        let Light::Rect(rect) = light else {
+            sum += irradiance(std::slice::from_ref(light), p, n)?;
+            continue;
+        };
+        let (m, to) = (rect.normal(), rect.center() - p);
+        if to.dot(m) >= 0.0 {
+            continue;
+        }
+        let e = 0.001 + n.dot(m).max(0.0);
+        let along = unit(unit(n * e - m) + unit(n - m * e));
+        let at = along * (to.dot(m) / along.dot(m).min(-1e-6)) - to;
+        let [u, v] = rect.half_edges();
+        let share = |edge: V| (at.dot(edge) / edge.dot(edge)).clamp(-1.0, 1.0);
+        let place = to + u * share(u) + v * share(v);
+        let [a, b, c, d] = rect.corners().map(|corner| corner - p);
+        sum += rect.colour() * ((triangle(a, b, c) + triangle(a, c, d)) * n.dot(unit(place)).max(0.0));
+    }
+    Some(sum)
+}
+
 /// Snyder's formula with acos and differences of squares.
 fn sphere(to: V, radius: f32, n: V) -> f32 {
     let distance = to.dot(to).sqrt();
