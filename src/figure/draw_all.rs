@@ -4,6 +4,7 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::Figure;
+use super::captures;
 use super::colour_map::ColourMap;
 use super::contact_sheet::{ContactSheet, Shown};
 use super::cosine;
@@ -161,6 +162,12 @@ fn draw(table: &Table, folder: &Path, target: &Path) -> io::Result<Vec<String>> 
         jobs.add(&parts, move || contact_sheet(&same, folder));
         let parts = ["strip", group.key[0], group.key[1], group.key[2], &adapter];
         jobs.add(&parts, move || strip(&group, folder));
+    }
+    // errors of both kinds of captures stand side by side, their times never
+    for group in groups(named(), &["scene", "lights", "backend"]) {
+        let parts = ["captures", group.key[0], group.key[1], group.key[2]];
+        let same = group.clone();
+        jobs.add(&parts, move || captures::faces(&same));
     }
     let families: Vec<Row> = rows.iter().copied().filter(|r| family(r.text("lights")).is_some()).collect();
     for group in groups(families.iter().copied(), &["scene", "backend", "adapter"]) {

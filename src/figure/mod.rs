@@ -1,6 +1,7 @@
 //! Figures: SVG and PNG from one list of shapes, each with the CSV of exactly what it shows. They are drawn from exported data
 //! alone, so that anyone can draw them again.
 
+mod captures;
 pub mod colour_map;
 pub mod contact_sheet;
 pub mod cosine;

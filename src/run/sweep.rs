@@ -292,7 +292,7 @@ pub fn sweep(
         Err(why) => Err(why.clone()),
     });
     let driver = bench.map(|b| b.gpu.adapter().driver.clone());
-    for run in runs.iter_mut().filter(|run| run.candidate.backend == Backend::Gpu) {
+    for run in runs.iter_mut().filter(|run| run.candidate.wants_gpu()) {
         run.adapter = match &adapter {
             Some(label) => label.clone().ok(),
             None => run.findings().and_then(|findings| findings.adapter.clone()),
@@ -751,7 +751,7 @@ fn judge(
         findings.pooled.values.extend(jump.map(|jump| ("path_jump".to_owned(), jump)));
     }
     findings.effects = stage.effects.to_string();
-    let on_gpu = bench.filter(|_| run.candidate.backend == Backend::Gpu);
+    let on_gpu = bench.filter(|_| run.candidate.wants_gpu());
     findings.adapter = on_gpu.map(|bench| bench.gpu.adapter().label());
     findings.effects_why = stage.why.clone();
     let counters = film.counters() + findings.counts.rays;
@@ -779,7 +779,7 @@ fn judge(
 
 /// On what and how this process times a run.
 fn timing_identity(work: &Workshop, run: &Run) -> TimingIdentity {
-    let adapter = work.bench.filter(|_| run.candidate.backend == Backend::Gpu).map(|b| b.gpu.adapter().label());
+    let adapter = work.bench.filter(|_| run.candidate.wants_gpu()).map(|b| b.gpu.adapter().label());
     TimingIdentity {
         machine: processor_name(),
         driver: adapter.as_ref().and(work.driver.clone()),
@@ -810,13 +810,15 @@ fn times(
         .map(|block| block.into_iter().filter(|i| is_timed(&runs[*i])).collect::<Vec<_>>())
         .filter(|block| !block.is_empty())
         .collect();
-    let own = [Backend::Cpu, Backend::Gpu]
-        .map(|backend| runs.iter().find(|run| run.candidate.backend == backend).map(|run| timing_identity(work, run)));
+    let own = [false, true].map(|on_gpu| {
+        let first = runs.iter().find(|run| run.candidate.wants_gpu() == on_gpu);
+        first.map(|run| timing_identity(work, run))
+    });
     let read = |runs: &mut [Run], block: &[usize]| {
         for index in block {
             let run = &mut runs[*index];
             let on = match elsewhere {
-                false => own[usize::from(run.candidate.backend == Backend::Gpu)].clone(),
+                false => own[usize::from(run.candidate.wants_gpu())].clone(),
                 true => None,
             };
             if let Some(on) = on {
@@ -871,8 +873,8 @@ fn times(
 /// The times of a block on the machine on which most of it was timed.
 fn read_of_any_machine(work: &Workshop, runs: &mut [Run], block: &[usize]) {
     let timing = work.experiment.timing;
-    for backend in [Backend::Cpu, Backend::Gpu] {
-        let members: Vec<usize> = block.iter().copied().filter(|i| runs[*i].candidate.backend == backend).collect();
+    for on_gpu in [false, true] {
+        let members: Vec<usize> = block.iter().copied().filter(|i| runs[*i].candidate.wants_gpu() == on_gpu).collect();
         let kept: Vec<(usize, Vec<(TimingIdentity, serde_json::Value)>)> =
             members.iter().map(|i| (*i, work.store.timings(&runs[*i].identity.key()))).collect();
         let mut machines: BTreeMap<String, (usize, TimingIdentity)> = BTreeMap::new();
@@ -889,7 +891,7 @@ fn read_of_any_machine(work: &Workshop, runs: &mut [Run], block: &[usize]) {
             let run = &mut runs[index];
             run.times = found.and_then(|(_, times)| serde_json::from_value(times).ok());
             run.timed_on = run.times.is_some().then(|| chosen.clone());
-            if run.times.is_some() && backend == Backend::Gpu {
+            if run.times.is_some() && on_gpu {
                 run.adapter = chosen.adapter.clone();
             }
         }

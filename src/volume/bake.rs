@@ -70,7 +70,7 @@ pub struct BakeCounts {
     pub projections: u64,
     pub singular: u64,
     pub rays: Counters,
-    /// Rays for depths: heuristics and what lies inside.
+    /// Rays, or texels, for depths: heuristics and what lies inside.
     pub depth_rays: u64,
     /// Of the samples taken, those that an earlier bake, which did not end, had left; their rays are among `rays`.
     pub recalled: u64,
@@ -695,12 +695,11 @@ fn capture_depths(
     counts: &mut BakeCounts,
 ) -> Result<Vec<(Depths, Vec<DVec3>)>, BakeError> {
     let texels = texels(face);
-    let seen = (places.len() * texels.len()) as u64;
+    counts.depth_rays += (places.len() * texels.len()) as u64;
     if let Some(device) = device {
-        counts.rays += Counters { texels: seen, draws: 6 * places.len() as u64, ..Counters::default() };
+        counts.rays += Counters { draws: 6 * places.len() as u64, ..Counters::default() };
         return device.depths(places, face as u32).map_err(BakeError::Device);
     }
-    counts.depth_rays += seen;
     let look = |place: &DVec3| {
         let mut met = Vec::new();
         let found = depths(tracer, *place, &texels, |world| met.push(world));

@@ -146,7 +146,7 @@ fn captures_rasterised_on_the_gpu_are_those_of_the_cpu() {
             ("shadows && within < met.distance", "false && within < met.distance"),
             ("second <= 0.0", "false"),
             ("2.0 * direction / distance", "direction / distance"),
-            ("angle * length(side) / area", "angle * length(side) / area * 0.97"),
+            ("angle * length(side) / area", "angle * length(side) / area * 0.8"),
         ] {
             let text = broken(own.shade, right, wrong);
             let off = differences(&rasterised(gpu, &transport, task, CaptureShaders { shade: &text, ..own }), &cpu);
@@ -294,7 +294,7 @@ fn heuristics_from_captured_depths_divide_alike_on_both() {
             Criterion::HarmonicMean { threshold: 0.5, minimum: false },
         ] {
             let table =
-                "octree = { bounds = \"room\", min_level = 0, max_level = 3, roots = [2, 1, 2], repair = true }";
+                "octree = { bounds = \"room\", min_level = 0, max_level = 2, roots = [2, 1, 2], repair = true }";
             let mut volume = Volume::inline(table).unwrap();
             if let Structure::Octree { heuristic, .. } = &mut volume.structure {
                 *heuristic = Heuristic { any: vec![criterion] };
@@ -306,7 +306,7 @@ fn heuristics_from_captured_depths_divide_alike_on_both() {
                     lights: &lights,
                     transport: Some(&transport),
                     device: Some(&device),
-                    probes: Probes::Captured { face: 16, paths: 1, seed: 1, on_gpu },
+                    probes: Probes::Captured { face: 8, paths: 1, seed: 1, on_gpu },
                     gradients: GradientSource::Analytic,
                     window: Window::None,
                 };
@@ -317,8 +317,8 @@ fn heuristics_from_captured_depths_divide_alike_on_both() {
             let cells = apart(&cpu.cell_boxes(), &device.cell_boxes());
             println!("{criterion:?}: {} cells, {cells} of them apart", cpu.cell_boxes().len());
             assert!(cells < 0.03, "{criterion:?}: {cells} of the cells");
-            assert!(cpu.cell_boxes().len() > 40 && cpu.counts.rays.draws == 0 && device.counts.rays.draws > 0);
-            assert_eq!(device.counts.depth_rays, 0);
+            assert!(cpu.cell_boxes().len() > 20 && cpu.counts.rays.draws == 0 && device.counts.rays.draws > 0);
+            assert_eq!(device.counts.rays.closest_rays, 0);
             sizes.push(cpu.cell_boxes().len());
         }
         assert!(sizes[1] > sizes[2], "the least depth divides more: {sizes:?}");
