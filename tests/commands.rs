@@ -274,6 +274,16 @@ fn a_missing_gpu_is_an_error_only_where_one_was_demanded() {
     let skipped: Vec<&str> = rows.iter().filter(|r| r["status"] == "skipped").map(|r| r["rig"].as_str()).collect();
     assert_eq!(skipped, ["constant", "gradient"]);
     assert!(rows.iter().any(|row| row["status"] == "ok" && row["rig"] == "direct"));
+    // probes that the GPU captures, evaluated on the CPU
+    let drawn = "probe_source.drawn.captured.on=\"gpu\"";
+    let sources = "matrix.probe_source=[\"analytic\", \"drawn\"]";
+    let (exit, log) = without_driver(&["run", "experiments/small.toml", "--set", drawn, "--set", sources]);
+    assert_eq!(exit, 0, "{log}");
+    assert!(log.contains("GPU rows are skipped"), "{log}");
+    let rows = csv(&std::fs::read(results(folder.path())).unwrap());
+    let skipped: Vec<_> = rows.iter().filter(|row| row["status"] == "skipped").collect();
+    assert!(!skipped.is_empty() && skipped.iter().all(|row| row["probe_source"] == "drawn" && row["backend"] == "cpu"));
+    assert!(rows.iter().all(|row| (row["probe_source"] == "drawn") == (row["status"] == "skipped")), "{log}");
 }
 
 /// The same project with other effects: what was counted, by name.
