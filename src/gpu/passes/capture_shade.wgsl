@@ -55,12 +55,17 @@ fn add_stretched(record: ptr<function, Record>, weight: vec3f, over: vec3f, stre
     (*record).stretched += mat3x3f(weight * stretch.x, weight * stretch.y, weight * stretch.z);
 }
 
-// From a surface whose unit normal is towards the place.
-fn add_surface(record: ptr<function, Record>, weight: vec3f, distance: f32, normal: vec3f) {
+// From a surface whose unit normal is towards the place; what is nearer than `touch` has no derivatives.
+fn add_surface(record: ptr<function, Record>, weight: vec3f, distance: f32, normal: vec3f, touch: f32) {
     if !any(weight > vec3f(0.0)) { return; }
     let direction = (*record).direction;
     let cosine = -dot(normal, direction);
     (*record).terms += 1.0;
+    if distance < touch {
+        (*record).clamped += 1.0;
+        add_distant(record, weight);
+        return;
+    }
     (*record).clamped += select(0.0, 1.0, cosine < SILHOUETTE_COSINE);
     let stretch = (3.0 * direction + normal / max(cosine, SILHOUETTE_COSINE)) / distance;
     add_stretched(record, weight, weight / distance, stretch);
@@ -163,7 +168,7 @@ fn shade_texel(entry: u32, place: u32, p: vec3f, key: vec3f) -> Record {
                     radiance += reflected(s) / f32(job.paths);
                 }
             }
-            add_surface(&record, radiance * solid_angle, s.distance, s.normal);
+            add_surface(&record, radiance * solid_angle, s.distance, s.normal, 16.0 * gap(p));
         }
     } else if job.depth_alone == 0u {
         add_distant(&record, surroundings(direction) * solid_angle);
@@ -173,7 +178,8 @@ fn shade_texel(entry: u32, place: u32, p: vec3f, key: vec3f) -> Record {
         for (var light = 0u; light < header(1u, 1u); light++) {
             let met = meet_light(light, p, direction);
             if met.distance > 0.0 && !(shadows && within < met.distance - 16.0 * gap(p)) {
-                add_surface(&record, scene[LIGHTS + 4u * light + 3u].xyz * solid_angle, met.distance, met.normal);
+                let weight = scene[LIGHTS + 4u * light + 3u].xyz * solid_angle;
+                add_surface(&record, weight, met.distance, met.normal, 16.0 * gap(p));
             }
         }
     }
