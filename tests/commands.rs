@@ -1,5 +1,7 @@
 //! The program from its command line: query, run, repeat, bad input, exit codes.
 
+mod folder;
+
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
@@ -11,11 +13,7 @@ fn rigbench() -> Command {
 /// A folder with one scene, one layout and one experiment.
 fn project() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let write = |name: &str, text: &str| {
-        let path = folder.path().join(name);
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(path, text).unwrap();
-    };
+    let write = |name: &str, text: &str| folder::write(folder.path(), name, text);
     write(
         "scenes/ball.toml",
         "schema_version = 1\ntitle = \"ball\"\n[camera]\neye = [0, 1, 3]\ntarget = [0, 0.5, 0]\nup = [0, 1, 0]\nfov_y = 35.0\n\

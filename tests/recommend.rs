@@ -1,5 +1,7 @@
 //! The pruned search finds what trying everything finds, for a fifth of the work.
 
+mod folder;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -110,11 +112,7 @@ fn every_rig_of_the_space_can_be_pasted() {
 /// A folder with a box, a box beside a wall, a box that moves, and four layouts.
 fn project() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let write = |name: &str, text: &str| {
-        let path = folder.path().join(name);
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(path, text).unwrap();
-    };
+    let write = |name: &str, text: &str| folder::write(folder.path(), name, text);
     let block = "schema_version = 1\n[[object]]\nname = \"block\"\nreceiver = true\n\
                  shape = { box = { min = [-1, -0.3, -0.4], max = [1, 0.3, 0.4] } }\n";
     write("scenes/block.toml", block);

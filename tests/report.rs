@@ -2,6 +2,7 @@
 
 #[path = "report/browser.rs"]
 mod browser;
+mod folder;
 
 use std::path::{Path, PathBuf};
 
@@ -27,11 +28,7 @@ const FAILED: &str = "the fit fell <over> & out";
 impl Project {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let write = |name: &str, text: &str| {
-            let path = folder.path().join(name);
-            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-            std::fs::write(path, text).unwrap();
-        };
+        let write = |name: &str, text: &str| folder::write(folder.path(), name, text);
         write(
             "scenes/ball.toml",
             "schema_version = 1\ntitle = \"ball\"\n[camera]\neye = [0, 1, 3]\ntarget = [0, 0.5, 0]\nup = [0, 1, 0]\nfov_y = 25.0\n\
@@ -410,11 +407,7 @@ fn pictures(b: &mut Browser, project: &Project, run: &str) {
 #[test]
 fn frames_of_an_animation_are_shown_one_by_one() {
     let folder = tempfile::tempdir().unwrap();
-    let write = |name: &str, text: &str| {
-        let path = folder.path().join(name);
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(path, text).unwrap();
-    };
+    let write = |name: &str, text: &str| folder::write(folder.path(), name, text);
     write(
         "scenes/moving.toml",
         "schema_version = 1\ntitle = \"moving\"\n[camera]\neye = [0, 1, 3]\ntarget = [0, 0.5, 0]\nup = [0, 1, 0]\nfov_y = 35.0\n\

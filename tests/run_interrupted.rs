@@ -1,6 +1,8 @@
 //! A sweep that is killed at any moment or interrupted: nothing that was finished is lost or computed again, and what comes out in the
 //! end is what an undisturbed sweep gives.
 
+mod folder;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -11,11 +13,7 @@ use rigbench::math::{Stream, StreamPurpose};
 
 fn project() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let write = |name: &str, text: &str| {
-        let path = folder.path().join(name);
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(path, text).unwrap();
-    };
+    let write = |name: &str, text: &str| folder::write(folder.path(), name, text);
     write(
         "scenes/ball.toml",
         "schema_version = 1\ntitle = \"ball\"\n[camera]\neye = [0, 1, 3]\ntarget = [0, 0.5, 0]\nup = [0, 1, 0]\nfov_y = 35.0\n\

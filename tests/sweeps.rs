@@ -2,6 +2,7 @@
 
 #[path = "sweeps/fire.rs"]
 mod fire;
+mod folder;
 #[path = "sweeps/gate.rs"]
 mod gate;
 #[path = "sweeps/overhead.rs"]
@@ -20,11 +21,7 @@ use assert_cmd::cargo::CommandCargoExt;
 /// A folder with a scene, layouts and an experiment of five rigs; `more` goes to the end of the experiment.
 fn project(more: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let write = |name: &str, text: &str| {
-        let path = folder.path().join(name);
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(path, text).unwrap();
-    };
+    let write = |name: &str, text: &str| folder::write(folder.path(), name, text);
     write(
         "scenes/ball.toml",
         "schema_version = 1\ntitle = \"ball\"\n[camera]\neye = [0, 1, 3]\ntarget = [0, 0.5, 0]\nup = [0, 1, 0]\nfov_y = 35.0\n\

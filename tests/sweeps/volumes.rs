@@ -3,13 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use super::folder::write;
 use super::{done, rigbench, rigbench_does};
-
-fn write(folder: &Path, name: &str, text: &str) {
-    let path = folder.join(name);
-    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    std::fs::write(path, text).unwrap();
-}
 
 /// Two tiny balls, one on each side of a wall that fills the plane x = 0 for all that they see; the lamp hangs on the left.
 const ROOMS: &str = "schema_version = 1\ntitle = \"rooms\"\n\
