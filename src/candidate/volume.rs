@@ -11,7 +11,7 @@ use super::prepared::{
 use crate::cost::{Samples, seconds_of};
 use crate::gpu::{Evaluator, PreparedEvaluation};
 use crate::math::{Real, Rgb, Vector3};
-use crate::rig::{AnyRig, Gradient, LocalPoints, Model, Packed, Rig, RigModel, ShVectors, scattered_irradiance};
+use crate::rig::{AnyRig, Gradient, Lane, LocalPoints, Model, Packed, Rig, RigModel, ShVectors, TableModel, TableTaps};
 use crate::scene::{Mesh, OrientedBox, SurfacePoint};
 use crate::sh::{MAX_ORDER, coefficients};
 use crate::volume::{BakedVolume, CellShader, Lookup, VolumeModel};
@@ -162,7 +162,7 @@ impl<T: Real> Read<T> {
         with_order!(order, C => match self {
             Read::PerPoint { model, vectors } => model.packed_irradiance::<C>(vectors, points, out),
             Read::PerObject { model, vectors } => model.packed_irradiance::<C>(vectors, points, out),
-            Read::PerVertex(light) => scattered_irradiance::<T, _, C>(light, &light.vectors, points, out),
+            Read::PerVertex(light) => light.packed_irradiance::<C>(&light.vectors, points, out),
         });
     }
 }
@@ -208,17 +208,23 @@ impl<T: Real> VertexLight<T> {
     }
 }
 
-impl<T: Real> RigModel<T> for VertexLight<T> {
+impl<T: Real> TableModel<T> for VertexLight<T> {
+    fn table(&self) -> &[u32] {
+        self.finder.vertices()
+    }
+
     /// By a triangle's place in the list and two barycentric weights.
-    #[inline]
-    fn taps(&self, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
-        let [triangle, u, v] = q.to_array();
-        let corners = self.finder.triangle(triangle.to_usize().unwrap_or(0));
-        for (corner, weight) in corners.iter().zip([T::one() - u - v, u, v]) {
-            tap(*corner as usize, weight);
-        }
+    #[inline(always)]
+    fn lane_taps<L: Lane<Scalar = T>>(&self, [triangle, u, v]: [L; 3], taps: &mut impl TableTaps<L>) {
+        let triangle = triangle.whole(self.finder.len().saturating_sub(1));
+        taps.group(L::index_sum(L::index(0), triangle, 3));
+        taps.tap(0, 0, L::constant(1.0) - u - v);
+        taps.tap(1, 0, u);
+        taps.tap(2, 0, v);
     }
 }
+
+crate::rig_model_of_table!(VertexLight);
 
 /// What a volume keeps and took.
 pub(super) fn volume_counts(baked: &BakedVolume, bytes: u64) -> Counts {

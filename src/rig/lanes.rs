@@ -33,6 +33,18 @@ pub trait Lane: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Se
     fn index(value: usize) -> Self::Index;
     /// `a + b * times`
     fn index_sum(a: Self::Index, b: Self::Index, times: usize) -> Self::Index;
+    /// `a` without its last `by` bits.
+    fn shifted(a: Self::Index, by: Self::Index) -> Self::Index;
+    /// The bits of `a` that are set in `mask`.
+    fn bits(a: Self::Index, mask: u32) -> Self::Index;
+    /// The entry of a table at each place; of places beyond its end, its last.
+    fn lookup(table: &[u32], at: Self::Index) -> Self::Index;
+    /// Whether all are marked: [`MARK`] is set.
+    fn all_marked(a: Self::Index) -> bool;
+    /// `then` where `mark` is marked, else `otherwise`.
+    fn index_where_marked(mark: Self::Index, then: Self::Index, otherwise: Self::Index) -> Self::Index;
+    /// `then` where `mark` is marked, else `otherwise`.
+    fn where_marked(mark: Self::Index, then: Self, otherwise: Self) -> Self;
 
     /// A constant that is written in `f64`.
     #[inline(always)]
@@ -89,7 +101,34 @@ impl<T: Real> Lane for T {
     fn index_sum(a: usize, b: usize, times: usize) -> usize {
         a + b * times
     }
+    #[inline(always)]
+    fn shifted(a: usize, by: usize) -> usize {
+        a >> by
+    }
+    #[inline(always)]
+    fn bits(a: usize, mask: u32) -> usize {
+        a & mask as usize
+    }
+    #[inline(always)]
+    fn lookup(table: &[u32], at: usize) -> usize {
+        table[at.min(table.len() - 1)] as usize
+    }
+    #[inline(always)]
+    fn all_marked(a: usize) -> bool {
+        a & MARK as usize != 0
+    }
+    #[inline(always)]
+    fn index_where_marked(mark: usize, then: usize, otherwise: usize) -> usize {
+        if Self::all_marked(mark) { then } else { otherwise }
+    }
+    #[inline(always)]
+    fn where_marked(mark: usize, then: T, otherwise: T) -> T {
+        if Self::all_marked(mark) { then } else { otherwise }
+    }
 }
+
+/// Marks an index: its highest bit.
+pub const MARK: u32 = 1 << 31;
 
 /// A model whose places all have the same taps, counted from a first vector of each place's own: its weights are written for any
 /// [`Lane`], and it is evaluated eight places at a time.
@@ -118,6 +157,50 @@ pub trait LaneModel<T: Real> {
     }
 }
 
+/// A model whose places find their vectors in a table: as many taps everywhere, whose vectors are the entries from a place's own first
+/// entries on. It is evaluated eight places at a time, too.
+pub trait TableModel<T: Real> {
+    /// Vectors by number.
+    fn table(&self) -> &[u32];
+
+    /// Gives the taps at `q`. What is said of [`LaneModel::lane_taps`] on inlining holds.
+    fn lane_taps<L: Lane<Scalar = T>>(&self, q: [L; 3], taps: &mut impl TableTaps<L>);
+}
+
+/// Takes the taps of a [`TableModel`]: at most 64 at a place, in at most 8 groups.
+pub trait TableTaps<L: Lane> {
+    /// Begins a group of taps whose entries are counted from `first` on; where `first` is marked the group does not count.
+    fn group(&mut self, first: L::Index);
+    /// Vector `table[first + offset] + slot` counts with this weight.
+    fn tap(&mut self, offset: usize, slot: usize, weight: L);
+}
+
+/// Taps of one place, without those that weigh nothing, as vectors with weights.
+pub struct OnePlace<'t, F> {
+    table: &'t [u32],
+    first: usize,
+    tap: F,
+}
+
+impl<'t, F> OnePlace<'t, F> {
+    pub fn new(table: &'t [u32], tap: F) -> Self {
+        Self { table, first: MARK as usize, tap }
+    }
+}
+
+impl<T: Real, F: FnMut(usize, T)> TableTaps<T> for OnePlace<'_, F> {
+    #[inline(always)]
+    fn group(&mut self, first: usize) {
+        self.first = first;
+    }
+    #[inline(always)]
+    fn tap(&mut self, offset: usize, slot: usize, weight: T) {
+        if weight != T::zero() && !T::all_marked(self.first) {
+            (self.tap)(self.table[self.first + offset] as usize + slot, weight);
+        }
+    }
+}
+
 /// A model's weights one place at a time, for the plain loop.
 pub struct OneLane<'m, M>(pub &'m M);
 
@@ -143,6 +226,38 @@ macro_rules! rig_models_of_lanes {
 
             fn packed_irradiance<const C: usize>(&self, packed: &Packed<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
                 self.lane_packed::<C>(packed, points, out);
+            }
+        })+
+    };
+}
+
+/// The weights of a [`TableModel`] as those of any rig.
+#[macro_export]
+macro_rules! rig_model_of_table {
+    ($($model:ident),+ $(,)?) => {
+        $(impl<T: $crate::math::Real> $crate::rig::RigModel<T> for $model<T> {
+            #[inline]
+            fn taps(&self, q: $crate::math::Vector3<T>, tap: &mut impl FnMut(usize, T)) {
+                use $crate::rig::TableModel;
+                self.lane_taps(q.to_array(), &mut $crate::rig::OnePlace::new(self.table(), tap));
+            }
+
+            fn irradiance<const C: usize>(
+                &self,
+                vectors: &$crate::rig::ShVectors<T>,
+                points: &$crate::rig::LocalPoints<T>,
+                out: &mut [$crate::math::Rgb<T>],
+            ) {
+                self.packed_irradiance::<C>(&$crate::rig::Packed::new(vectors.clone()), points, out);
+            }
+
+            fn packed_irradiance<const C: usize>(
+                &self,
+                packed: &$crate::rig::Packed<T>,
+                points: &$crate::rig::LocalPoints<T>,
+                out: &mut [$crate::math::Rgb<T>],
+            ) {
+                $crate::rig::table_irradiance::<T, Self, C>(self, packed, points, out);
             }
         })+
     };

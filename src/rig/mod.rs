@@ -3,7 +3,7 @@
 //! Every rig is linear in the SH vectors that it keeps: l(q) = sum_k w_k(q) v_k, where v_k are sampled values, sampled derivatives or
 //! fitted coefficients and the weights depend on the place alone. A rig therefore says three things: its [`Rig::placement`],
 //! its [`Rig::fit`] (by default the samples as they are), and its weights ([`RigModel::taps`]).
-//! One evaluation loop serves them all ([`plain_irradiance`]), and a fast one those whose places have all the same taps ([`LaneModel`]).
+//! One evaluation loop serves them all ([`plain_irradiance`]), and fast ones those whose places have all the same taps ([`LaneModel`]) or find them in a table ([`TableModel`]).
 //!
 //! Coordinates: q is in metres along the axes of the receiver's oriented box, from the box's centre; `half` holds the half extents,
 //! any of which may be 0. SH coefficients stay in the world's frame. A rig's WGSL twin lies beside it and defines
@@ -27,11 +27,11 @@ pub use constant::Constant;
 pub use gradient::Gradient;
 pub use grid::{AxisNames, Grid, GridAxis, Nodes, grid_placement, tensor_taps, wgsl_number};
 pub use interpolation::{Interpolation, InterpolationChoice};
-pub use lanes::{Lane, LaneModel};
+pub use lanes::{Lane, LaneModel, MARK, OnePlace, TableModel, TableTaps};
 pub use lattice::Lattice;
 pub use mixed::{AxisModel, Mixed};
 pub use rbf::{Centers, Kernel, Rbf, RbfSolver};
-pub use wide::{Packed, available as wide_available, scattered_irradiance};
+pub use wide::{Packed, available as wide_available, table_irradiance};
 
 use std::ops::Range;
 

@@ -4,12 +4,12 @@
 //! are computed for a block of eight points at once ([`LaneModel`] with eight lanes), and so is the basis, without its normalisations, which
 //! are multiplied into the vectors. The sum goes point by point, as each has vectors of its own: a vector is laid out in registers of eight
 //! coefficients, channel by channel, with the three constant terms in a register of their own (order 3: four registers), so that
-//! a tap is a broadcast and a fused multiply-add a register.
+//! a tap is a broadcast and a fused multiply-add a register. Places of a [`TableModel`] read the numbers of their vectors from its table.
 //!
 //! Against [`plain_irradiance`] only roundings differ: fused multiply-adds, the order of the sums, normalisations applied
 //! to the vectors. Difference at most 16 roundings of 2^-24 relative to the sum of the terms' absolute values (tested on the catalogue).
 
-use super::lanes::{LaneModel, OneLane};
+use super::lanes::{LaneModel, OneLane, TableModel};
 use super::{LocalPoints, RigModel, ShVectors, plain_irradiance};
 use crate::math::{Real, Rgb};
 
@@ -31,7 +31,7 @@ pub struct Packed<T: Real> {
     vectors: ShVectors<T>,
     /// Empty where the wide code does not run.
     #[cfg(target_arch = "x86_64")]
-    rows: Vec<lanes::Row>,
+    rows: lanes::Rows,
 }
 
 impl<T: Real> Packed<T> {
@@ -41,7 +41,7 @@ impl<T: Real> Packed<T> {
             rows: if lanes::is_single::<T>() && available() {
                 crate::with_order!(vectors.order, C => lanes::packed::<T, C>(&vectors))
             } else {
-                Vec::new()
+                lanes::Rows::default()
             },
             vectors,
         }
@@ -63,14 +63,14 @@ pub fn packed_irradiance<T: Real, M: LaneModel<T>, const C: usize>(
     #[cfg(target_arch = "x86_64")]
     if lanes::is_single::<T>() && available() {
         // SAFETY: AVX2 and FMA were found.
-        return unsafe { lanes::irradiance::<T, M, C>(model, &packed.rows, points, out) };
+        return unsafe { lanes::irradiance::<T, M, C>(model, packed.rows.all(), points, out) };
     }
     plain_irradiance::<T, _, C>(&OneLane(model), &packed.vectors, points, out);
 }
 
-/// E at every point by a model whose places have taps of their own: weights one place at a time, sums and basis in registers.
+/// E at every point by a model whose places find their vectors in a table.
 #[inline]
-pub fn scattered_irradiance<T: Real, M: RigModel<T>, const C: usize>(
+pub fn table_irradiance<T: Real, M: TableModel<T> + RigModel<T>, const C: usize>(
     model: &M,
     packed: &Packed<T>,
     points: &LocalPoints<T>,
@@ -79,7 +79,7 @@ pub fn scattered_irradiance<T: Real, M: RigModel<T>, const C: usize>(
     #[cfg(target_arch = "x86_64")]
     if lanes::is_single::<T>() && available() {
         // SAFETY: AVX2 and FMA were found.
-        return unsafe { lanes::scattered::<T, M, C>(model, &packed.rows, points, out) };
+        return unsafe { lanes::table_irradiance::<T, M, C>(model, packed.rows.all(), points, out) };
     }
     plain_irradiance::<T, _, C>(model, &packed.vectors, points, out);
 }
@@ -95,7 +95,7 @@ pub fn irradiance<T: Real, M: LaneModel<T>, const C: usize>(
     #[cfg(target_arch = "x86_64")]
     if lanes::is_single::<T>() && available() {
         // SAFETY: AVX2 and FMA were found.
-        return unsafe { lanes::irradiance::<T, M, C>(model, &lanes::packed::<T, C>(vectors), points, out) };
+        return unsafe { lanes::irradiance::<T, M, C>(model, lanes::packed::<T, C>(vectors).all(), points, out) };
     }
     plain_irradiance::<T, _, C>(&OneLane(model), vectors, points, out);
 }
@@ -123,9 +123,9 @@ mod lanes {
     use std::marker::PhantomData;
     use std::ops::{Add, Div, Mul, Sub};
 
-    use super::{LaneModel, LocalPoints, RigModel, ShVectors};
+    use super::{LaneModel, LocalPoints, ShVectors, TableModel};
     use crate::math::{Real, Rgb};
-    use crate::rig::Lane;
+    use crate::rig::lanes::{Lane, MARK, TableTaps};
     use crate::sh::{normalisation, order_of};
 
     /// Points of a block, and numbers in a register.
@@ -150,9 +150,30 @@ mod lanes {
         Rgb::of(channels.map(f64::from))
     }
 
-    #[derive(Clone, Copy, Debug, Default)]
+    #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
     #[repr(C, align(32))]
     pub struct Row([f32; WIDTH]);
+
+    /// Two rows in one line of the cache.
+    #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+    #[repr(C, align(64))]
+    struct Line([Row; 2]);
+
+    /// Rows that begin with a line of the cache, so that a vector lies in no more lines than it must.
+    #[derive(Clone, Debug, Default)]
+    pub struct Rows {
+        lines: Vec<Line>,
+    }
+
+    impl Rows {
+        fn zeros(count: usize) -> Self {
+            Self { lines: vec![Line::default(); count.div_ceil(2)] }
+        }
+
+        pub fn all(&self) -> &[Row] {
+            bytemuck::cast_slice(&self.lines)
+        }
+    }
 
     impl Row {
         #[inline]
@@ -176,7 +197,7 @@ mod lanes {
     }
 
     /// SH vectors by registers: for each channel its parts, then (r, g, b, 0...) of the constant terms; normalisations multiplied in.
-    pub fn packed<T: Real, const C: usize>(vectors: &ShVectors<T>) -> Vec<Row> {
+    pub fn packed<T: Real, const C: usize>(vectors: &ShVectors<T>) -> Rows {
         let parts = const { parts_of(C) };
         let registers = 3 * parts + 1;
         let mut norm = [0.0f32; C];
@@ -186,7 +207,8 @@ mod lanes {
                 norm[degree * (degree + 1) - m] = normalisation(degree, m) as f32;
             }
         }
-        let mut rows = vec![Row::default(); vectors.count() * registers];
+        let mut packed = Rows::zeros(vectors.count() * registers);
+        let rows: &mut [Row] = bytemuck::cast_slice_mut(&mut packed.lines);
         for (rows, vector) in rows.chunks_exact_mut(registers).zip(vectors.data.chunks_exact(3 * C)) {
             for channel in 0..3 {
                 rows[3 * parts].0[channel] = single(vector[channel]) * norm[0];
@@ -196,7 +218,7 @@ mod lanes {
                 }
             }
         }
-        rows
+        packed
     }
 
     /// The basis polynomials above the constant one, without normalisation, at eight directions:
@@ -383,6 +405,35 @@ mod lanes {
         fn index_sum(a: __m256i, b: __m256i, times: usize) -> __m256i {
             unsafe { _mm256_add_epi32(a, _mm256_mullo_epi32(b, Self::index(times))) }
         }
+        #[inline(always)]
+        fn shifted(a: __m256i, by: __m256i) -> __m256i {
+            unsafe { _mm256_srlv_epi32(a, by) }
+        }
+        #[inline(always)]
+        fn bits(a: __m256i, mask: u32) -> __m256i {
+            unsafe { _mm256_and_si256(a, _mm256_set1_epi32(mask as i32)) }
+        }
+        #[inline(always)]
+        fn lookup(table: &[u32], at: __m256i) -> __m256i {
+            assert!(!table.is_empty() && table.len() < MARK as usize, "a table of {} entries", table.len());
+            // SAFETY: places as numbers without sign are cut to the last entry
+            unsafe {
+                let at = _mm256_min_epu32(at, _mm256_set1_epi32(table.len() as i32 - 1));
+                _mm256_i32gather_epi32::<4>(table.as_ptr().cast(), at)
+            }
+        }
+        #[inline(always)]
+        fn all_marked(a: __m256i) -> bool {
+            unsafe { _mm256_movemask_ps(_mm256_castsi256_ps(a)) == 0xff }
+        }
+        #[inline(always)]
+        fn index_where_marked(mark: __m256i, then: __m256i, otherwise: __m256i) -> __m256i {
+            unsafe { _mm256_blendv_epi8(otherwise, then, _mm256_srai_epi32::<31>(mark)) }
+        }
+        #[inline(always)]
+        fn where_marked(mark: __m256i, then: Self, otherwise: Self) -> Self {
+            Self::new(unsafe { _mm256_blendv_ps(otherwise.0, then.0, _mm256_castsi256_ps(mark)) })
+        }
     }
 
     /// Taps of a block that are gathered before they are summed.
@@ -521,38 +572,93 @@ mod lanes {
         }
     }
 
-    /// Most taps of a point: 27 nodes of a cell with derivatives.
-    const MOST_SCATTERED: usize = 128;
+    /// Most taps of a place: values and derivatives at the corners of a cell, and at those of one of its parts.
+    const MOST_TABLE_TAPS: usize = 64;
+    const MOST_GROUPS: usize = 8;
+
+    /// The taps of a block that finds its vectors in a table, in groups with a first entry of each place's own.
+    struct TableBlock {
+        groups: usize,
+        first: [[u32; WIDTH]; MOST_GROUPS],
+        /// Where a group's taps end.
+        ends: [usize; MOST_GROUPS],
+        /// Offset and slot of each.
+        entries: [(u32, u32); MOST_TABLE_TAPS],
+        weights: [Row; MOST_TABLE_TAPS],
+    }
+
+    impl<T: Real> TableTaps<Eight<T>> for TableBlock {
+        #[inline(always)]
+        fn group(&mut self, first: __m256i) {
+            // SAFETY: eight whole numbers
+            unsafe { _mm256_storeu_si256(self.first[self.groups].as_mut_ptr().cast(), first) };
+            self.ends[self.groups] = if self.groups > 0 { self.ends[self.groups - 1] } else { 0 };
+            self.groups += 1;
+        }
+        #[inline(always)]
+        fn tap(&mut self, offset: usize, slot: usize, weight: Eight<T>) {
+            let end = &mut self.ends[self.groups - 1];
+            self.entries[*end] = (offset as u32, slot as u32);
+            // SAFETY: eight floats, aligned by the type
+            unsafe { _mm256_store_ps(self.weights[*end].0.as_mut_ptr(), weight.0) };
+            *end += 1;
+        }
+    }
+
+    impl TableBlock {
+        /// The sum of weight times vector over the taps of one point.
+        #[inline]
+        #[target_feature(enable = "avx2,fma")]
+        fn sum<const C: usize>(&self, table: &[u32], packed: &[Row], point: usize) -> [__m256; MOST_REGISTERS] {
+            let registers = const { 3 * parts_of(C) + 1 };
+            let mut sum = [_mm256_setzero_ps(); MOST_REGISTERS];
+            let mut begin = 0;
+            for (first, end) in self.first.iter().zip(&self.ends).take(self.groups) {
+                if first[point] & MARK == 0 {
+                    let table = &table[first[point] as usize..];
+                    for ((offset, slot), weights) in self.entries[begin..*end].iter().zip(&self.weights[begin..*end]) {
+                        let weight = _mm256_set1_ps(weights.0[point]);
+                        let place = (table[*offset as usize] + slot) as usize * registers;
+                        let rows = &packed[place..place + registers];
+                        for k in 0..registers {
+                            sum[k] = _mm256_fmadd_ps(weight, rows[k].load(), sum[k]);
+                        }
+                    }
+                }
+                begin = *end;
+            }
+            sum
+        }
+    }
 
     #[target_feature(enable = "avx2,fma")]
-    pub fn scattered<T: Real, M: RigModel<T>, const C: usize>(
+    pub fn table_irradiance<T: Real, M: TableModel<T>, const C: usize>(
         model: &M,
         packed: &[Row],
         points: &LocalPoints<T>,
         out: &mut [Rgb<T>],
     ) {
-        let registers = const { 3 * parts_of(C) + 1 };
+        let places: [&[f32]; 3] = std::array::from_fn(|axis| bytemuck::cast_slice(&points.q[axis]));
         let normals: [&[f32]; 3] = std::array::from_fn(|axis| bytemuck::cast_slice(&points.n[axis]));
-        let mut taps = [(0u32, 0.0f32); MOST_SCATTERED];
+        let mut taps = TableBlock {
+            groups: 0,
+            first: [[0; WIDTH]; MOST_GROUPS],
+            ends: [0; MOST_GROUPS],
+            entries: [(0, 0); MOST_TABLE_TAPS],
+            weights: [Row::default(); MOST_TABLE_TAPS],
+        };
         for (block, out) in out.chunks_mut(WIDTH).enumerate() {
             let start = block * WIDTH;
+            let q = [
+                Eight::new(load(places[0], start)),
+                Eight::new(load(places[1], start)),
+                Eight::new(load(places[2], start)),
+            ];
+            taps.groups = 0;
+            model.lane_taps::<Eight<T>>(q, &mut taps);
             let basis = basis_of_block::<C>(&normals, start);
             for (point, e) in out.iter_mut().enumerate() {
-                let mut count = 0;
-                model.taps(points.q(start + point), &mut |vector, weight| {
-                    taps[count] = (vector as u32, single(weight));
-                    count += 1;
-                });
-                let mut sum = [_mm256_setzero_ps(); MOST_REGISTERS];
-                for (vector, weight) in &taps[..count] {
-                    let weight = _mm256_set1_ps(*weight);
-                    let place = *vector as usize * registers;
-                    let rows = &packed[place..place + registers];
-                    for k in 0..registers {
-                        sum[k] = _mm256_fmadd_ps(weight, rows[k].load(), sum[k]);
-                    }
-                }
-                *e = widened(dot::<C>(&sum, &basis[point]));
+                *e = widened(dot::<C>(&taps.sum::<C>(model.table(), packed, point), &basis[point]));
             }
         }
     }
@@ -565,6 +671,7 @@ mod lanes {
     ) {
         let parts = const { parts_of(C) };
         let packed = packed::<T, C>(vectors);
+        let packed = packed.all();
         let coefficient = |channel: usize, k: usize| packed[channel * parts + k / WIDTH].0[k % WIDTH];
         let normals: [&[f32]; 3] = std::array::from_fn(|axis| bytemuck::cast_slice(&points.n[axis]));
         for (block, out) in out.chunks_mut(WIDTH).enumerate() {

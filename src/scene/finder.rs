@@ -53,6 +53,11 @@ impl SurfaceFinder {
         self.triangles[index]
     }
 
+    /// Vertices of all triangles, three of each.
+    pub fn vertices(&self) -> &[u32] {
+        self.triangles.as_flattened()
+    }
+
     /// The triangle nearest to a place on the surface, and the weights of its second and third vertex there, cut to the triangle.
     pub fn find(&self, place: DVec3) -> (usize, [f64; 2]) {
         let everything: Vec<u32>;

@@ -5,6 +5,7 @@
 use std::collections::HashMap;
 
 use super::forest::Forest;
+use crate::rig::{Lane, MARK};
 
 /// A place in lattice units along x, y and z.
 pub type Place = [u32; 3];
@@ -27,15 +28,16 @@ pub struct Cell {
 /// From lattice coordinates to the cell that holds them.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Locator {
-    /// Octrees side by side: roots first, then blocks of eight children. An entry with [`LEAF`] is a cell, others are the place of the
-    /// first child.
-    Forest { roots: Place, max_level: u32, nodes: Vec<u32> },
-    /// A grid of cells of which some hold a finer grid: per outer cell its first cell and whether it is divided.
-    TwoLevel { outer: Place, inner: u32, first: Vec<(u32, bool)> },
+    /// Octrees side by side from one of their levels on, `levels` below which the finest cells are: an entry for each cube of that level
+    /// (`top` of them along the axes, x fastest), then blocks of eight children. An entry with [`LEAF`] is a cell, which may hold
+    /// several cubes; others are the place of the first child.
+    Forest { top: Place, levels: u32, nodes: Vec<u32> },
+    /// A grid of cells of which some hold a finer grid: per outer cell its first cell, with [`LEAF`] where it is the only one.
+    TwoLevel { outer: Place, inner: u32, first: Vec<u32> },
 }
 
-/// Marks an entry of a forest that is a cell.
-pub const LEAF: u32 = 1 << 31;
+/// Marks an entry that is a cell.
+pub const LEAF: u32 = MARK;
 
 /// Cells that fill a box without overlap.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,31 +80,53 @@ impl Cells {
     pub fn of_forest(forest: &Forest, half: [f64; 3]) -> Self {
         let mut numbering = Numbering::default();
         let mut cells = Vec::new();
-        let mut nodes = vec![0; forest.root_count()];
-        // breadth first, children in blocks of eight
-        let mut queue: Vec<(u32, usize)> = (0..forest.root_count()).map(|root| (root as u32, root)).collect();
+        // a number a cell at most, to begin the search as far down as that allows
+        let count = forest.leaves().len();
+        let begin =
+            (0..=forest.max_level()).rev().find(|level| forest.root_count() << (3 * level) <= count).unwrap_or(0);
+        let levels = forest.max_level() - begin;
+        let top = forest.roots().map(|n| n << begin);
+        let mut nodes = vec![0; top.iter().map(|n| *n as usize).product()];
+        // breadth first, children in blocks of eight; above the level where the search begins nodes have no entry
+        let mut queue: Vec<(u32, Option<usize>)> = (0..forest.root_count()).map(|root| (root as u32, None)).collect();
         let mut at = 0;
         while at < queue.len() {
             let (node, entry) = queue[at];
             at += 1;
-            match forest.children(node) {
+            let (low, size) = forest.extent(node);
+            let value = match forest.children(node) {
+                Some(children) if forest.level(node) < begin => {
+                    queue.extend(children.map(|child| (child, None)));
+                    continue;
+                }
                 Some(children) => {
-                    nodes[entry] = nodes.len() as u32;
-                    for child in children {
-                        queue.push((child, nodes.len()));
-                        nodes.push(0);
-                    }
+                    let first = nodes.len();
+                    nodes.resize(first + 8, 0);
+                    queue.extend(children.zip(first..).map(|(child, entry)| (child, Some(entry))));
+                    first as u32
                 }
                 None => {
-                    nodes[entry] = LEAF | cells.len() as u32;
-                    let (low, size) = forest.extent(node);
                     let corners = corner_places(low, size).map(|place| numbering.of(place));
                     cells.push(Cell { low, size, corners, hanging: 0 });
+                    LEAF | (cells.len() - 1) as u32
                 }
-            }
+            };
+            let Some(entry) = entry else {
+                // every cube of the level where the search begins that this node holds
+                let [from, to] = [low.map(|u| u >> (levels + 1)), low.map(|u| (u + size) >> (levels + 1))];
+                for z in from[2]..to[2] {
+                    for y in from[1]..to[1] {
+                        for x in from[0]..to[0] {
+                            nodes[(x + top[0] * (y + top[1] * z)) as usize] = value;
+                        }
+                    }
+                }
+                continue;
+            };
+            nodes[entry] = value;
         }
         let hanging = find_hanging(&mut cells, &numbering.number_of);
-        let locator = Locator::Forest { roots: forest.roots(), max_level: forest.max_level(), nodes };
+        let locator = Locator::Forest { top, levels, nodes };
         Self { half, resolution: forest.resolution(), locator, cells, places: numbering.places, hanging }
     }
 
@@ -117,7 +141,7 @@ impl Cells {
                 for x in 0..outer[0] {
                     let low = [x * coarse, y * coarse, z * coarse];
                     let finer = divided(low, coarse);
-                    first.push((cells.len() as u32, finer));
+                    first.push(cells.len() as u32 | if finer { 0 } else { LEAF });
                     let (count, size) = if finer { (inner, 2) } else { (1, coarse) };
                     for c in 0..count * count * count {
                         let offset = [c % count, c / count % count, c / (count * count)];
@@ -144,30 +168,47 @@ impl Cells {
     }
 
     /// The cell that holds a lattice cube of one unit: its low corner is given.
-    #[inline]
     pub fn locate(&self, at: Place) -> usize {
+        self.lane_locate::<f64>(at.map(|unit| unit as usize))
+    }
+
+    /// [`Cells::locate`] of several.
+    #[inline(always)]
+    pub fn lane_locate<L: Lane>(&self, [x, y, z]: [L::Index; 3]) -> L::Index {
         match &self.locator {
-            Locator::Forest { roots, max_level, nodes } => {
+            Locator::Forest { top, levels, nodes } => {
+                let bit = |level| L::index(level as usize);
                 // a finest cell is two units wide
-                let fine = at.map(|u| u >> 1);
-                let [x, y, z] = fine.map(|u| u >> max_level);
-                let mut node = nodes[(x + roots[0] * (y + roots[1] * z)) as usize];
-                let mut level = *max_level;
-                while node & LEAF == 0 {
+                let mut level = levels + 1;
+                let (row, column) = (top[0] as usize, (top[0] * top[1]) as usize);
+                let cube = L::index_sum(L::shifted(x, bit(level)), L::shifted(y, bit(level)), row);
+                let mut node = L::lookup(nodes, L::index_sum(cube, L::shifted(z, bit(level)), column));
+                while !L::all_marked(node) {
                     level -= 1;
-                    let [x, y, z] = fine.map(|u| u >> level & 1);
-                    node = nodes[(node + x + 2 * y + 4 * z) as usize];
+                    let along_x = L::bits(L::shifted(x, bit(level)), 1);
+                    let along_y = L::bits(L::shifted(y, bit(level)), 1);
+                    let along_z = L::bits(L::shifted(z, bit(level)), 1);
+                    let child = L::index_sum(L::index_sum(L::index_sum(node, along_x, 1), along_y, 2), along_z, 4);
+                    node = L::index_where_marked(node, node, L::lookup(nodes, child));
                 }
-                (node & !LEAF) as usize
+                L::bits(node, !LEAF)
             }
             Locator::TwoLevel { outer, inner, first } => {
-                let [x, y, z] = at.map(|u| u / (2 * inner));
-                let (cell, divided) = first[(x + outer[0] * (y + outer[1] * z)) as usize];
-                if !divided {
-                    return cell as usize;
+                let coarse = 2.0 * f64::from(*inner);
+                let (mut cell, mut part) = (L::index(0), L::index(0));
+                let (mut row, mut part_row) = (1, 1);
+                for (axis, at) in [x, y, z].into_iter().enumerate() {
+                    let at = L::number(at);
+                    let most = outer[axis] as usize - 1;
+                    let along = ((at + L::constant(0.5)) * L::constant(1.0 / coarse)).whole(most);
+                    let within = at - L::number(along) * L::constant(coarse);
+                    cell = L::index_sum(cell, along, row);
+                    part = L::index_sum(part, (within * L::constant(0.5)).whole(*inner as usize - 1), part_row);
+                    row *= outer[axis] as usize;
+                    part_row *= *inner as usize;
                 }
-                let [x, y, z] = at.map(|u| u % (2 * inner) / 2);
-                (cell + x + inner * (y + inner * z)) as usize
+                let entry = L::lookup(first, cell);
+                L::index_where_marked(entry, L::bits(entry, !LEAF), L::index_sum(entry, part, 1))
             }
         }
     }

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use super::cells::{Cells, NONE};
 use crate::math::{Real, Rgb, Vector3};
 use crate::rig::interpolation::{Interpolation, corrected_nodes, hermite_nodes, linear_nodes};
-use crate::rig::{Grid, GridAxis, LocalPoints, Model, Nodes, Packed, RigModel, ShVectors, scattered_irradiance};
+use crate::rig::{
+    Grid, GridAxis, Lane, LocalPoints, MARK, Model, Nodes, OnePlace, Packed, RigModel, ShVectors, TableModel, TableTaps,
+};
 
 /// How a cell meets finer neighbours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -38,26 +40,26 @@ impl Profile {
         }
     }
 
+    /// Weights at a share `t` of an edge of this length, metres, by those on `unit`, from -1/2 to 1/2.
     #[inline(always)]
-    fn nodes<T: Real>(self, axis: &GridAxis<T>, q: T) -> Nodes<T> {
-        match self {
-            Profile::Linear => linear_nodes(axis, q),
-            Profile::Corrected(share) => corrected_nodes(axis, q, share),
-            Profile::Hermite => hermite_nodes(axis, q),
-        }
+    fn nodes<T: Real, L: Lane<Scalar = T>>(self, unit: &GridAxis<T>, t: L, edge: L) -> Nodes<L> {
+        let q = t - L::constant(0.5);
+        let mut nodes = match self {
+            Profile::Linear => linear_nodes(unit, q),
+            Profile::Corrected(share) => corrected_nodes(unit, q, share),
+            Profile::Hermite => hermite_nodes(unit, q),
+        };
+        nodes.slope = [nodes.slope[0] * edge, nodes.slope[1] * edge];
+        nodes
     }
 
-    /// Value and slope in the middle of an edge of this length, from the values and slopes at its ends:
-    /// `[what][end][of what]`, 0 value and 1 slope. With them two halves of an edge give what the whole gives.
-    fn middle(self, edge: f64) -> [[[f64; 2]; 2]; 2] {
+    /// In the middle of an edge of length 1, what of the value is the slope at its lower end (minus that of its upper), and what of the slope
+    /// are the slope at either end and the value at its upper end (minus that at its lower). The value is half of both values always.
+    fn middle(self) -> [f64; 3] {
         match self {
-            Profile::Linear => [[[0.5, 0.0], [0.5, 0.0]], [[0.0; 2]; 2]],
-            Profile::Corrected(share) => {
-                [[[0.5, 0.25 * share * edge], [0.5, -0.25 * share * edge]], [[0.0, 0.5], [0.0, 0.5]]]
-            }
-            Profile::Hermite => {
-                [[[0.5, 0.125 * edge], [0.5, -0.125 * edge]], [[-1.5 / edge, -0.25], [1.5 / edge, -0.25]]]
-            }
+            Profile::Linear => [0.0; 3],
+            Profile::Corrected(share) => [0.25 * share, 0.5, 0.0],
+            Profile::Hermite => [0.125, -0.25, 1.5],
         }
     }
 }
@@ -67,101 +69,149 @@ pub fn can_be_continuous(interpolation: &Interpolation) -> bool {
     Profile::of(interpolation).is_some()
 }
 
-/// What all cells of one size share.
-#[derive(Clone, Debug)]
-struct Scale<T> {
-    /// Over the cell.
-    grid: Grid<T>,
-    /// Over one of its eight parts.
-    part: Grid<T>,
-    /// What the cell's corners give at each of its 27 nodes, of their values and of their derivatives along the axes whose bits are set:
-    /// the slot of the corners' vectors with a weight for each corner; rows of zeros are left out.
-    transfer: Vec<(usize, [T; 8])>,
-    /// Where the rows of a node's jet begin, node after node, jet after jet; one entry more than there are.
-    rows: Vec<u32>,
-}
-
-/// Values and derivatives of a node, mixed ones too, where samples have derivatives.
+/// Values and derivatives, mixed ones too: bits say along which axes.
 const JETS: usize = 8;
+/// Where the numbers of a derivative along each axis lie among [`JETS`].
+const SINGLE: [usize; 4] = [0, 1, 2, 4];
 
-impl<T: Real> Scale<T> {
-    fn new(cells: &Cells, size: u32, interpolation: &Interpolation) -> Self {
-        let unit = cells.unit();
-        let derivatives = [interpolation.uses_derivatives(); 3];
-        let half = unit.map(|u| 0.5 * u * f64::from(size));
-        let profile = Profile::of(interpolation).unwrap_or(Profile::Linear);
-        // [axis][node][what][end][of what]: the nodes 0, 1 and 2 of an edge
-        let along: [[[[[f64; 2]; 2]; 2]; 3]; 3] = std::array::from_fn(|axis| {
-            let end = |this: usize| -> [[[f64; 2]; 2]; 2] {
-                std::array::from_fn(|what| {
-                    std::array::from_fn(|end| {
-                        std::array::from_fn(|of| if end == this && of == what { 1.0 } else { 0.0 })
-                    })
-                })
-            };
-            [end(0), profile.middle(2.0 * half[axis]), end(1)]
-        });
-        let (jets, vectors) = if derivatives[0] { (JETS, 4) } else { (1, 1) };
-        let mut transfer = Vec::new();
-        let mut rows = vec![0];
-        for node in 0..27 {
-            let at = [node % 3, node / 3 % 3, node / 9];
-            for jet in 0..jets {
-                for vector in 0..vectors {
-                    let weights: [f64; 8] = std::array::from_fn(|corner| {
-                        (0..3).fold(1.0, |product, axis| {
-                            let of = usize::from(vector == axis + 1);
-                            product * along[axis][at[axis]][jet >> axis & 1][corner >> axis & 1][of]
-                        })
-                    });
-                    if weights.iter().any(|weight| *weight != 0.0) {
-                        transfer.push((vector, weights.map(T::of)));
-                    }
-                }
-                rows.push(transfer.len() as u32);
-            }
+/// A weight for each jet at each of eight nodes, x fastest.
+type Weights<L> = [[L; 8]; JETS];
+
+/// Tensor products of the weights along the axes: of values and, where there are any, of derivatives; of mixed ones where `mixed`.
+#[inline(always)]
+fn tensor<L: Lane>([x, y, z]: &[Nodes<L>; 3], jets: usize, mixed: bool, out: &mut Weights<L>) {
+    for jet in 0..jets {
+        if !mixed && jet.count_ones() > 1 {
+            continue;
         }
-        Self {
-            grid: Grid::new([2; 3], half, derivatives),
-            part: Grid::new([2; 3], half.map(|h| 0.5 * h), derivatives),
-            transfer,
-            rows,
+        let along_x = if jet & 1 == 0 { x.value } else { x.slope };
+        let along_y = if jet & 2 == 0 { y.value } else { y.slope };
+        let along_z = if jet & 4 == 0 { z.value } else { z.slope };
+        for k in 0..2 {
+            for j in 0..2 {
+                let yz = along_y[j] * along_z[k];
+                out[jet][2 * j + 4 * k] = along_x[0] * yz;
+                out[jet][2 * j + 4 * k + 1] = along_x[1] * yz;
+            }
         }
     }
 }
+
+/// From weights at the nodes of one part of a cell to weights at the cell's corners, where the cell's own interpolation says what stands at
+/// the nodes: axis after axis, as it is a tensor product. `upper` is 1 for the part beyond the middle of an axis, 0 for the one before;
+/// `edge` are the cell's.
+#[inline(always)]
+fn nodes_to_corners<L: Lane>(profile: Profile, upper: &[L; 3], edge: &[L; 3], jets: usize, weights: &mut Weights<L>) {
+    let mixed = profile == Profile::Hermite;
+    let [value_of_slope, slope_of_slope, slope_of_value] = profile.middle();
+    let (zero, one, half) = (L::constant(0.0), L::constant(1.0), L::constant(0.5));
+    for axis in 0..3 {
+        let bit = 1 << axis;
+        let beyond = upper[axis];
+        let before = one - beyond;
+        // a node of the part is an end of the edge, or its middle: the lower node of the part beyond, the upper one of the part before
+        let of_value = [[one - half * beyond, half * beyond], [half * before, one - half * before]];
+        let middle = L::constant(value_of_slope) * edge[axis];
+        let of_slope = [middle * beyond, middle * before];
+        let kept = L::constant(slope_of_slope);
+        let slopes = [[before + kept * beyond, kept * beyond], [kept * before, beyond + kept * before]];
+        let steep = L::constant(slope_of_value) / edge[axis];
+        let rise = [steep * beyond, steep * before];
+        for jet in 0..jets {
+            if jet & bit != 0 || !mixed && jet.count_ones() > 1 {
+                continue;
+            }
+            // with slopes along this axis, but for jets that would be mixed with it and count for nothing
+            let sloped = jets > 1 && (mixed || jet == 0);
+            for lower in 0..8usize {
+                if lower & bit != 0 {
+                    continue;
+                }
+                let node = [lower, lower | bit];
+                let value = [weights[jet][node[0]], weights[jet][node[1]]];
+                for corner in 0..2 {
+                    weights[jet][node[corner]] = of_value[0][corner] * value[0] + of_value[1][corner] * value[1];
+                }
+                if sloped {
+                    let slope = [weights[jet | bit][node[0]], weights[jet | bit][node[1]]];
+                    let from_values = of_slope[0] * value[0] + of_slope[1] * value[1];
+                    let rises = rise[0] * slope[0] + rise[1] * slope[1];
+                    weights[jet][node[0]] = weights[jet][node[0]] - rises;
+                    weights[jet][node[1]] = weights[jet][node[1]] + rises;
+                    for (corner, from_values) in [from_values, zero - from_values].into_iter().enumerate() {
+                        weights[jet | bit][node[corner]] =
+                            slopes[0][corner] * slope[0] + slopes[1][corner] * slope[1] + from_values;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Where the parts of a cell's entries in the table begin: its corners' vectors, then its low corner and its size in lattice units, the place of
+/// the table of its nodes (marked where it has none), and which of these are samples, a bit each.
+const LOW: usize = 8;
+const SIZE: usize = 11;
+const NODES: usize = 12;
+const PRESENT: usize = 13;
+/// Entries of a cell, and of half a table of nodes: a line of the cache.
+const ENTRIES: usize = 16;
+
+/// [`ENTRIES`] numbers in one line of the cache.
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C, align(64))]
+struct Line([u32; ENTRIES]);
 
 /// The weights of samples at the corners of cells.
 #[derive(Clone, Debug)]
 pub struct CellModel<T> {
     cells: Arc<Cells>,
     interpolation: Interpolation,
-    profile: Option<Profile>,
     half: [T; 3],
     unit: [T; 3],
     per_unit: [T; 3],
-    scales: Vec<Scale<T>>,
-    /// Each cell's scale.
-    scale_of: Vec<u8>,
+    /// An edge of length 1 with its two ends.
+    edge: GridAxis<T>,
+    /// A cell of one unit, for interpolations that are no tensor product: they know ratios of distances only.
+    grid: Grid<T>,
+    /// A line a cell, then two for each table of nodes.
+    table: Vec<Line>,
     /// Vectors of a sample.
     vectors: usize,
 }
 
 impl<T: Real> CellModel<T> {
     pub fn new(cells: Arc<Cells>, interpolation: Interpolation, across: Across) -> Self {
-        let mut sizes: Vec<u32> = cells.cells.iter().map(|cell| cell.size).collect();
-        sizes.sort_unstable();
-        sizes.dedup();
+        let vectors = if interpolation.uses_derivatives() { 4 } else { 1 };
+        let continuous = across == Across::Continuous && can_be_continuous(&interpolation);
+        let mut table = vec![Line([0; ENTRIES]); cells.cells.len()];
+        for (index, cell) in cells.cells.iter().enumerate() {
+            let mut line = Line([0; ENTRIES]);
+            line.0[..LOW].copy_from_slice(&cell.corners.map(|sample| sample * vectors));
+            line.0[LOW..SIZE].copy_from_slice(&cell.low);
+            line.0[SIZE] = cell.size;
+            line.0[NODES] = MARK;
+            if let Some(samples) = cells.hanging(index).filter(|_| continuous) {
+                line.0[NODES] = (table.len() * ENTRIES) as u32;
+                line.0[PRESENT] = (0..27).map(|node| u32::from(samples[node] != NONE) << node).sum();
+                let mut nodes = [Line([0; ENTRIES]); 2];
+                for (entry, sample) in nodes.iter_mut().flat_map(|line| &mut line.0).zip(samples) {
+                    *entry = if *sample == NONE { 0 } else { sample * vectors };
+                }
+                table.extend(nodes);
+            }
+            table[index] = line;
+        }
         let unit = cells.unit();
-        let scale_of = |size| sizes.iter().position(|known| *known == size).expect("the size is of the list") as u8;
         Self {
             interpolation,
-            profile: Profile::of(&interpolation).filter(|_| across == Across::Continuous),
             half: cells.half.map(T::of),
             unit: unit.map(T::of),
             per_unit: unit.map(|u| T::of(1.0 / u)),
-            scales: sizes.iter().map(|size| Scale::new(&cells, *size, &interpolation)).collect(),
-            scale_of: cells.cells.iter().map(|cell| scale_of(cell.size)).collect(),
-            vectors: if interpolation.uses_derivatives() { 4 } else { 1 },
+            edge: GridAxis::new(2, 0.5),
+            grid: Grid::new([2; 3], unit.map(|u| 0.5 * u), [false; 3]),
+            table,
+            vectors: vectors as usize,
             cells,
         }
     }
@@ -170,114 +220,147 @@ impl<T: Real> CellModel<T> {
         &self.cells
     }
 
+    /// Lattice coordinates of box coordinates, which are clamped to the box.
+    #[inline(always)]
+    fn lattice<L: Lane<Scalar = T>>(&self, q: [L; 3]) -> [L; 3] {
+        let mut along = q;
+        for axis in 0..3 {
+            let half = L::splat(self.half[axis]);
+            let clamped = q[axis].larger(L::splat(-self.half[axis])).smaller(half);
+            along[axis] = (clamped + half) * L::splat(self.per_unit[axis]);
+        }
+        along
+    }
+
+    /// The cells that hold lattice coordinates.
+    #[inline(always)]
+    fn cells_at<L: Lane<Scalar = T>>(&self, [x, y, z]: [L; 3]) -> L::Index {
+        let [last_x, last_y, last_z] = self.cells.resolution;
+        let at = [x.whole(last_x as usize - 1), y.whole(last_y as usize - 1), z.whole(last_z as usize - 1)];
+        self.cells.lane_locate::<L>(at)
+    }
+
     /// The cell that holds box coordinates, which are clamped to the box.
-    #[inline]
     pub fn cell_at(&self, q: Vector3<T>) -> usize {
-        let q = q.to_array();
-        self.cells.locate(std::array::from_fn(|axis| {
-            let along = (q[axis].max(-self.half[axis]).min(self.half[axis]) + self.half[axis]) * self.per_unit[axis];
-            along.to_u32().unwrap_or(0).min(self.cells.resolution[axis] - 1)
-        }))
+        self.cells_at(self.lattice(q.to_array()))
     }
 
     /// The weights at `q` by one cell; outside it `q` is clamped to the cell.
-    #[inline]
     pub fn taps_of_cell(&self, index: usize, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
-        let cell = &self.cells.cells[index];
-        let scale = &self.scales[usize::from(self.scale_of[index])];
-        let q = q.to_array();
-        let local: [T; 3] = std::array::from_fn(|axis| {
-            let low = T::of(f64::from(cell.low[axis])) * self.unit[axis] - self.half[axis];
-            q[axis] - low - scale.grid.axes[axis].half
-        });
-        if let (Some(profile), Some(nodes)) = (self.profile, self.cells.hanging(index)) {
-            return self.blended(profile, scale, &cell.corners, nodes, local, tap);
+        let along = self.lattice(q.to_array());
+        self.taps_of_cells(index, along, &mut OnePlace::new(self.table(), tap));
+    }
+
+    /// The weights at lattice coordinates by the cell of each.
+    #[inline(always)]
+    fn taps_of_cells<L: Lane<Scalar = T>>(&self, cell: L::Index, along: [L; 3], taps: &mut impl TableTaps<L>) {
+        let first = L::index_sum(L::index(0), cell, ENTRIES);
+        let entry = |of: usize| L::index_sum(first, L::index(of), 1);
+        let size = L::number(L::lookup(self.table(), entry(SIZE)));
+        let mut t = along;
+        for axis in 0..3 {
+            let low = L::number(L::lookup(self.table(), entry(LOW + axis)));
+            t[axis] = ((along[axis] - low) / size).larger(L::constant(0.0)).smaller(L::constant(1.0));
         }
-        self.interpolation.taps(&scale.grid, local, &mut |first: usize, offset, weight| {
-            let vector = first + offset;
-            tap(cell.corners[vector / self.vectors] as usize * self.vectors + vector % self.vectors, weight);
-        });
+        let Some(profile) = Profile::of(&self.interpolation) else {
+            let mut q = t;
+            for axis in 0..3 {
+                q[axis] = (t[axis] - L::constant(0.5)) * L::splat(self.unit[axis]);
+            }
+            return self.interpolation.taps::<T, L>(&self.grid, q, &mut |corner: L::Index, offset, weight| {
+                taps.group(L::index_sum(first, corner, 1));
+                taps.tap(offset, 0, weight);
+            });
+        };
+        let edge = [L::splat(self.unit[0]) * size, L::splat(self.unit[1]) * size, L::splat(self.unit[2]) * size];
+        let nodes = [
+            profile.nodes(&self.edge, t[0], edge[0]),
+            profile.nodes(&self.edge, t[1], edge[1]),
+            profile.nodes(&self.edge, t[2], edge[2]),
+        ];
+        let jets = if self.vectors > 1 { JETS } else { 1 };
+        let zero = L::constant(0.0);
+        let mut corners = [[zero; 8]; JETS];
+        tensor(&nodes, jets, false, &mut corners);
+        let table = L::lookup(self.table(), entry(NODES));
+        if !L::all_marked(table) {
+            let present = L::lookup(self.table(), entry(PRESENT));
+            self.blend(profile, (table, present), t, edge, &mut corners, taps);
+        }
+        taps.group(first);
+        for corner in 0..8 {
+            for slot in 0..self.vectors {
+                taps.tap(corner, slot, corners[SINGLE[slot]][corner]);
+            }
+        }
     }
 
     /// A cell with finer neighbours, as its eight parts: a node of a part is a finer neighbour's sample where there is one, else what
     /// the cell's own corners give there. Where nothing hangs on a face, its parts give what the undivided face gives, so that both
     /// sides of every face agree: the finer side has the same nodes, the coarser or equal side the same corners.
-    #[inline]
-    fn blended(
+    #[inline(always)]
+    fn blend<L: Lane<Scalar = T>>(
         &self,
         profile: Profile,
-        scale: &Scale<T>,
-        corners: &[u32; 8],
-        table: &[u32; 27],
-        local: [T; 3],
-        tap: &mut impl FnMut(usize, T),
+        (table, present): (L::Index, L::Index),
+        t: [L; 3],
+        edge: [L; 3],
+        corners: &mut Weights<L>,
+        taps: &mut impl TableTaps<L>,
     ) {
-        let upper: [usize; 3] = std::array::from_fn(|axis| usize::from(local[axis] > T::zero()));
-        let along: [Nodes<T>; 3] = std::array::from_fn(|axis| {
-            let part = &scale.part.axes[axis];
-            profile.nodes(part, if upper[axis] == 1 { local[axis] - part.half } else { local[axis] + part.half })
-        });
+        let (zero, one, half, two) = (L::constant(0.0), L::constant(1.0), L::constant(0.5), L::constant(2.0));
+        let mut upper = [zero; 3];
+        let mut nodes = [Nodes::one(zero); 3];
+        let mut first = L::index(0);
+        for (axis, step) in [1, 3, 9].into_iter().enumerate() {
+            let beyond = t[axis].above(T::of(0.5));
+            upper[axis] = L::number(beyond);
+            nodes[axis] = profile.nodes(&self.edge, two * t[axis] - upper[axis], half * edge[axis]);
+            first = L::index_sum(first, beyond, step);
+        }
         let jets = if self.vectors > 1 { JETS } else { 1 };
-        let mut own = [[T::zero(); 8]; 4];
+        let mixed = profile == Profile::Hermite;
+        let mut own = [[zero; 8]; JETS];
+        tensor(&nodes, jets, mixed, &mut own);
+        // nodes that are marked do not count: their table is no place, and wraps
+        taps.group(L::index_where_marked(table, table, L::index_sum(table, first, 1)));
+        let present = L::shifted(present, first);
         for node in 0..8usize {
-            let side: [usize; 3] = std::array::from_fn(|axis| node >> axis & 1);
-            let at: [usize; 3] = std::array::from_fn(|axis| upper[axis] + side[axis]);
-            let place = at[0] + 3 * at[1] + 9 * at[2];
-            let sample = table[place];
-            // weights of the node's value and derivatives: bits of `jet` say along which axes
-            let weight_of = |jet: usize| {
-                (0..3).fold(T::one(), |product, axis| {
-                    let nodes = &along[axis];
-                    product * if jet >> axis & 1 == 1 { nodes.slope[side[axis]] } else { nodes.value[side[axis]] }
-                })
-            };
-            if sample != NONE {
+            let offset = (node & 1) + 3 * (node >> 1 & 1) + 9 * (node >> 2);
+            let is_sample = L::number(L::bits(L::shifted(present, L::index(offset)), 1));
+            for slot in 0..self.vectors {
                 // samples have no mixed derivatives
-                let first = sample as usize * self.vectors;
-                tap(first, weight_of(0));
-                for axis in 0..self.vectors - 1 {
-                    tap(first + 1 + axis, weight_of(1 << axis));
-                }
-                continue;
+                taps.tap(offset, slot, is_sample * own[SINGLE[slot]][node]);
             }
-            for jet in 0..jets {
-                let first = place * jets + jet;
-                let rows = &scale.transfer[scale.rows[first] as usize..scale.rows[first + 1] as usize];
-                if rows.is_empty() {
-                    continue;
-                }
-                let weight = weight_of(jet);
-                for (slot, shares) in rows {
-                    for (own, share) in own[*slot].iter_mut().zip(shares) {
-                        *own += weight * *share;
-                    }
-                }
+            let is_none = one - is_sample;
+            for weights in &mut own[..jets] {
+                weights[node] = is_none * weights[node];
             }
         }
-        for (corner, sample) in corners.iter().enumerate() {
-            for (slot, weights) in own[..self.vectors].iter().enumerate() {
-                if weights[corner] != T::zero() {
-                    tap(*sample as usize * self.vectors + slot, weights[corner]);
-                }
+        nodes_to_corners(profile, &upper, &edge, jets, &mut own);
+        for slot in 0..self.vectors {
+            let jet = SINGLE[slot];
+            for corner in 0..8 {
+                corners[jet][corner] = L::where_marked(table, corners[jet][corner], own[jet][corner]);
             }
         }
     }
 }
 
-impl<T: Real> RigModel<T> for CellModel<T> {
-    #[inline]
-    fn taps(&self, q: Vector3<T>, tap: &mut impl FnMut(usize, T)) {
-        self.taps_of_cell(self.cell_at(q), q, tap);
+impl<T: Real> TableModel<T> for CellModel<T> {
+    #[inline(always)]
+    fn table(&self) -> &[u32] {
+        bytemuck::cast_slice(&self.table)
     }
 
-    fn irradiance<const C: usize>(&self, vectors: &ShVectors<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
-        self.packed_irradiance::<C>(&Packed::new(vectors.clone()), points, out);
-    }
-
-    fn packed_irradiance<const C: usize>(&self, packed: &Packed<T>, points: &LocalPoints<T>, out: &mut [Rgb<T>]) {
-        scattered_irradiance::<T, Self, C>(self, packed, points, out);
+    #[inline(always)]
+    fn lane_taps<L: Lane<Scalar = T>>(&self, q: [L; 3], taps: &mut impl TableTaps<L>) {
+        let along = self.lattice(q);
+        self.taps_of_cells(self.cells_at(along), along, taps);
     }
 }
+
+crate::rig_model_of_table!(CellModel);
 
 /// The weights of a volume of any kind.
 #[derive(Clone, Debug)]

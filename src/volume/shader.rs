@@ -34,14 +34,10 @@ impl BakedVolume {
         };
         let blends = matches!(self.volume.structure, Structure::Octree { across: Across::Continuous, .. });
         let mut numbers: Vec<f32> = Vec::new();
-        let (is_cell, number): (Vec<bool>, Vec<u32>) = match &cells.locator {
-            Locator::Forest { nodes, .. } => nodes.iter().map(|node| (node & LEAF != 0, node & !LEAF)).unzip(),
-            Locator::TwoLevel { first, .. } => first.iter().map(|(cell, divided)| (!divided, *cell)).unzip(),
-        };
-        let entries = number.len();
-        numbers.extend(is_cell.into_iter().zip(number).map(|(is_cell, number)| match is_cell {
-            true => -(number as f32) - 1.0,
-            false => number as f32,
+        let (Locator::Forest { nodes: entries, .. } | Locator::TwoLevel { first: entries, .. }) = &cells.locator;
+        numbers.extend(entries.iter().map(|entry| match entry & LEAF {
+            0 => *entry as f32,
+            _ => -((entry & !LEAF) as f32) - 1.0,
         }));
         numbers.resize(numbers.len().next_multiple_of(4), 0.0);
         let first_cell = numbers.len();
@@ -61,7 +57,7 @@ impl BakedVolume {
                 numbers.push(0.0);
             }
         }
-        if entries.max(cells.cells.len()).max(cells.places.len() * 4) >= MOST_EXACT {
+        if entries.len().max(cells.cells.len()).max(cells.places.len() * 4) >= MOST_EXACT {
             return None;
         }
         let before = 4 * vector_rows;
@@ -86,8 +82,8 @@ impl BakedVolume {
             ("VOLUME_MIDDLE", wgsl_number(0.5 + 2.0 * TIE_WIDTH * f64::from(f32::EPSILON))),
         ];
         let (locator, text) = match &cells.locator {
-            Locator::Forest { roots, max_level, .. } => (
-                vec![("VOLUME_MAX_LEVEL", format!("{max_level}u")), ("VOLUME_ROOTS", whole(*roots))],
+            Locator::Forest { top, levels, .. } => (
+                vec![("VOLUME_LEVELS", format!("{levels}u")), ("VOLUME_TOP", whole(*top))],
                 include_str!("cells_forest.wgsl"),
             ),
             Locator::TwoLevel { outer, inner, .. } => (
