@@ -206,6 +206,36 @@ fn a_run_repeats_byte_for_byte_and_computes_nothing_again() {
 }
 
 #[test]
+fn force_computes_and_times_again() {
+    let folder = project();
+    let times = || {
+        let runs = std::fs::read_dir(folder.path().join("results/small/runs")).unwrap().flatten();
+        let files = runs.flat_map(|run| std::fs::read_dir(run.path().join("timings")).into_iter().flatten().flatten());
+        let mut kept: Vec<(PathBuf, Vec<u8>)> =
+            files.map(|file| (file.path(), std::fs::read(file.path()).unwrap())).collect();
+        kept.sort();
+        kept
+    };
+    let sweep = |more: &[&str]| {
+        let words = [&["run", "experiments/small.toml", "--no-figures", "--no-report"], more].concat();
+        let (exit, _, log) = run(folder.path(), &words);
+        assert_eq!(exit, 0, "{log}");
+        log
+    };
+    sweep(&[]);
+    let first = times();
+    assert!(first.len() >= 3, "{first:?}");
+    sweep(&[]);
+    assert_eq!(times(), first, "what is there is not timed again");
+    assert!(sweep(&["--force"]).contains("0 cached"));
+    let forced = times();
+    assert_eq!(forced.len(), first.len());
+    for ((path, before), (_, after)) in first.iter().zip(&forced) {
+        assert_ne!(before, after, "{}: two clocks never read the same", path.display());
+    }
+}
+
+#[test]
 fn a_threshold_that_is_exceeded_exits_with_101() {
     let folder = project();
     let (exit, _, log) = run(folder.path(), &["run", "experiments/small.toml", "--set", "threshold.0.max=1e-12"]);

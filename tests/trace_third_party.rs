@@ -23,12 +23,15 @@ fn material(part: &Value) -> TracedMaterial {
     }
 }
 
+/// A value with its standard error.
+type Estimated = (Rgb<f64>, Rgb<f64>);
+
 struct Case {
     tracer: Tracer,
     lights: Vec<Light<f64>>,
     points: Vec<SurfacePoint>,
-    /// Effects, and the other tracer's values with their standard errors.
-    expected: Vec<(Effects, Vec<(Rgb<f64>, Rgb<f64>)>)>,
+    /// Effects, and what the other tracer says with them.
+    expected: Vec<(Effects, Vec<Estimated>)>,
 }
 
 fn case(name: &str) -> Case {

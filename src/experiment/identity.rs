@@ -12,11 +12,11 @@ pub struct Algorithms {
     pub reference: u32,
     /// Probe samples, rigs, metrics and images.
     pub candidate: u32,
-    /// How times are taken.
+    /// How times are taken, and the loops that they are taken of.
     pub timing: u32,
 }
 
-pub const ALGORITHMS: Algorithms = Algorithms { reference: 2, candidate: 2, timing: 1 };
+pub const ALGORITHMS: Algorithms = Algorithms { reference: 2, candidate: 2, timing: 2 };
 
 /// A content key: blake3 over canonical JSON. Its first 12 hex digits name a run.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]

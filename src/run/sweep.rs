@@ -837,7 +837,7 @@ fn times(
     // a block is timed whole, so that its candidates stand in one shuffle
     let wanted: Vec<Vec<usize>> = timed_blocks
         .into_iter()
-        .filter(|block| !options.gather && block.iter().any(|i| runs[*i].times.is_none()))
+        .filter(|block| !options.gather && (options.force || block.iter().any(|i| runs[*i].times.is_none())))
         .collect();
     let rounds = (experiment.timing.warmup + experiment.timing.repeat) as usize;
     let mut progress = Progress::new("timing", wanted.iter().map(|b| (b.len() * rounds) as u64).sum());

@@ -177,17 +177,18 @@ impl Cells {
     pub fn lane_locate<L: Lane>(&self, [x, y, z]: [L::Index; 3]) -> L::Index {
         match &self.locator {
             Locator::Forest { top, levels, nodes } => {
-                let bit = |level| L::index(level as usize);
                 // a finest cell is two units wide
-                let mut level = levels + 1;
+                let mut level = *levels as usize + 1;
                 let (row, column) = (top[0] as usize, (top[0] * top[1]) as usize);
-                let cube = L::index_sum(L::shifted(x, bit(level)), L::shifted(y, bit(level)), row);
-                let mut node = L::lookup(nodes, L::index_sum(cube, L::shifted(z, bit(level)), column));
+                let by = L::index(level);
+                let cube = L::index_sum(L::shifted(x, by), L::shifted(y, by), row);
+                let mut node = L::lookup(nodes, L::index_sum(cube, L::shifted(z, by), column));
                 while !L::all_marked(node) {
                     level -= 1;
-                    let along_x = L::bits(L::shifted(x, bit(level)), 1);
-                    let along_y = L::bits(L::shifted(y, bit(level)), 1);
-                    let along_z = L::bits(L::shifted(z, bit(level)), 1);
+                    let by = L::index(level);
+                    let along_x = L::bits(L::shifted(x, by), 1);
+                    let along_y = L::bits(L::shifted(y, by), 1);
+                    let along_z = L::bits(L::shifted(z, by), 1);
                     let child = L::index_sum(L::index_sum(L::index_sum(node, along_x, 1), along_y, 2), along_z, 4);
                     node = L::index_where_marked(node, node, L::lookup(nodes, child));
                 }
@@ -197,8 +198,9 @@ impl Cells {
                 let coarse = 2.0 * f64::from(*inner);
                 let (mut cell, mut part) = (L::index(0), L::index(0));
                 let (mut row, mut part_row) = (1, 1);
-                for (axis, at) in [x, y, z].into_iter().enumerate() {
-                    let at = L::number(at);
+                let places = [x, y, z];
+                for axis in 0..3 {
+                    let at = L::number(places[axis]);
                     let most = outer[axis] as usize - 1;
                     let along = ((at + L::constant(0.5)) * L::constant(1.0 / coarse)).whole(most);
                     let within = at - L::number(along) * L::constant(coarse);

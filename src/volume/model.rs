@@ -69,18 +69,20 @@ pub fn can_be_continuous(interpolation: &Interpolation) -> bool {
     Profile::of(interpolation).is_some()
 }
 
-/// Values and derivatives, mixed ones too: bits say along which axes.
-const JETS: usize = 8;
-/// Where the numbers of a derivative along each axis lie among [`JETS`].
-const SINGLE: [usize; 4] = [0, 1, 2, 4];
+/// A weight for each jet at each of eight nodes, x fastest. Jets are the value, or it and the derivatives, mixed ones too: bits say along which
+/// axes.
+type Weights<L, const JETS: usize> = [[L; 8]; JETS];
 
-/// A weight for each jet at each of eight nodes, x fastest.
-type Weights<L> = [[L; 8]; JETS];
+/// The jets that samples have.
+const fn kept(jets: usize) -> &'static [usize] {
+    if jets == 1 { &[0] } else { &[0, 1, 2, 4] }
+}
 
 /// Tensor products of the weights along the axes: of values and, where there are any, of derivatives; of mixed ones where `mixed`.
 #[inline(always)]
-fn tensor<L: Lane>([x, y, z]: &[Nodes<L>; 3], jets: usize, mixed: bool, out: &mut Weights<L>) {
-    for jet in 0..jets {
+fn tensor<L: Lane, const JETS: usize>([x, y, z]: &[Nodes<L>; 3], mixed: bool) -> Weights<L, JETS> {
+    let mut out = [[L::constant(0.0); 8]; JETS];
+    for jet in 0..JETS {
         if !mixed && jet.count_ones() > 1 {
             continue;
         }
@@ -95,16 +97,22 @@ fn tensor<L: Lane>([x, y, z]: &[Nodes<L>; 3], jets: usize, mixed: bool, out: &mu
             }
         }
     }
+    out
 }
 
 /// From weights at the nodes of one part of a cell to weights at the cell's corners, where the cell's own interpolation says what stands at
 /// the nodes: axis after axis, as it is a tensor product. `upper` is 1 for the part beyond the middle of an axis, 0 for the one before;
 /// `edge` are the cell's.
 #[inline(always)]
-fn nodes_to_corners<L: Lane>(profile: Profile, upper: &[L; 3], edge: &[L; 3], jets: usize, weights: &mut Weights<L>) {
+fn nodes_to_corners<L: Lane, const JETS: usize>(
+    profile: Profile,
+    upper: &[L; 3],
+    edge: &[L; 3],
+    weights: &mut Weights<L, JETS>,
+) {
     let mixed = profile == Profile::Hermite;
     let [value_of_slope, slope_of_slope, slope_of_value] = profile.middle();
-    let (zero, one, half) = (L::constant(0.0), L::constant(1.0), L::constant(0.5));
+    let (one, half) = (L::constant(1.0), L::constant(0.5));
     for axis in 0..3 {
         let bit = 1 << axis;
         let beyond = upper[axis];
@@ -117,12 +125,12 @@ fn nodes_to_corners<L: Lane>(profile: Profile, upper: &[L; 3], edge: &[L; 3], je
         let slopes = [[before + kept * beyond, kept * beyond], [kept * before, beyond + kept * before]];
         let steep = L::constant(slope_of_value) / edge[axis];
         let rise = [steep * beyond, steep * before];
-        for jet in 0..jets {
+        for jet in 0..JETS {
             if jet & bit != 0 || !mixed && jet.count_ones() > 1 {
                 continue;
             }
             // with slopes along this axis, but for jets that would be mixed with it and count for nothing
-            let sloped = jets > 1 && (mixed || jet == 0);
+            let sloped = JETS > 1 && (mixed || jet == 0);
             for lower in 0..8usize {
                 if lower & bit != 0 {
                     continue;
@@ -138,10 +146,10 @@ fn nodes_to_corners<L: Lane>(profile: Profile, upper: &[L; 3], edge: &[L; 3], je
                     let rises = rise[0] * slope[0] + rise[1] * slope[1];
                     weights[jet][node[0]] = weights[jet][node[0]] - rises;
                     weights[jet][node[1]] = weights[jet][node[1]] + rises;
-                    for (corner, from_values) in [from_values, zero - from_values].into_iter().enumerate() {
-                        weights[jet | bit][node[corner]] =
-                            slopes[0][corner] * slope[0] + slopes[1][corner] * slope[1] + from_values;
-                    }
+                    let lower_slope = slopes[0][0] * slope[0] + slopes[1][0] * slope[1];
+                    let upper_slope = slopes[0][1] * slope[0] + slopes[1][1] * slope[1];
+                    weights[jet | bit][node[0]] = lower_slope + from_values;
+                    weights[jet | bit][node[1]] = upper_slope - from_values;
                 }
             }
         }
@@ -251,15 +259,20 @@ impl<T: Real> CellModel<T> {
         self.taps_of_cells(index, along, &mut OnePlace::new(self.table(), tap));
     }
 
+    /// A number of the cells whose entries begin at `first`.
+    #[inline(always)]
+    fn entry<L: Lane<Scalar = T>>(&self, first: L::Index, of: usize) -> L::Index {
+        L::lookup(self.table(), L::index_sum(first, L::index(of), 1))
+    }
+
     /// The weights at lattice coordinates by the cell of each.
     #[inline(always)]
     fn taps_of_cells<L: Lane<Scalar = T>>(&self, cell: L::Index, along: [L; 3], taps: &mut impl TableTaps<L>) {
         let first = L::index_sum(L::index(0), cell, ENTRIES);
-        let entry = |of: usize| L::index_sum(first, L::index(of), 1);
-        let size = L::number(L::lookup(self.table(), entry(SIZE)));
+        let size = L::number(self.entry::<L>(first, SIZE));
         let mut t = along;
         for axis in 0..3 {
-            let low = L::number(L::lookup(self.table(), entry(LOW + axis)));
+            let low = L::number(self.entry::<L>(first, LOW + axis));
             t[axis] = ((along[axis] - low) / size).larger(L::constant(0.0)).smaller(L::constant(1.0));
         }
         let Some(profile) = Profile::of(&self.interpolation) else {
@@ -273,24 +286,37 @@ impl<T: Real> CellModel<T> {
             });
         };
         let edge = [L::splat(self.unit[0]) * size, L::splat(self.unit[1]) * size, L::splat(self.unit[2]) * size];
+        match self.vectors {
+            1 => self.taps_of_kind::<L, 1>(profile, first, t, edge, taps),
+            _ => self.taps_of_kind::<L, 8>(profile, first, t, edge, taps),
+        }
+    }
+
+    /// The weights at shares `t` of cells whose entries begin at `first`, of values or of values and derivatives.
+    #[inline(always)]
+    fn taps_of_kind<L: Lane<Scalar = T>, const JETS: usize>(
+        &self,
+        profile: Profile,
+        first: L::Index,
+        t: [L; 3],
+        edge: [L; 3],
+        taps: &mut impl TableTaps<L>,
+    ) {
         let nodes = [
             profile.nodes(&self.edge, t[0], edge[0]),
             profile.nodes(&self.edge, t[1], edge[1]),
             profile.nodes(&self.edge, t[2], edge[2]),
         ];
-        let jets = if self.vectors > 1 { JETS } else { 1 };
-        let zero = L::constant(0.0);
-        let mut corners = [[zero; 8]; JETS];
-        tensor(&nodes, jets, false, &mut corners);
-        let table = L::lookup(self.table(), entry(NODES));
+        let mut corners = tensor::<L, JETS>(&nodes, false);
+        let table = self.entry::<L>(first, NODES);
         if !L::all_marked(table) {
-            let present = L::lookup(self.table(), entry(PRESENT));
+            let present = self.entry::<L>(first, PRESENT);
             self.blend(profile, (table, present), t, edge, &mut corners, taps);
         }
         taps.group(first);
         for corner in 0..8 {
-            for slot in 0..self.vectors {
-                taps.tap(corner, slot, corners[SINGLE[slot]][corner]);
+            for slot in 0..const { kept(JETS).len() } {
+                taps.tap(corner, slot, corners[const { kept(JETS) }[slot]][corner]);
             }
         }
     }
@@ -299,47 +325,44 @@ impl<T: Real> CellModel<T> {
     /// the cell's own corners give there. Where nothing hangs on a face, its parts give what the undivided face gives, so that both
     /// sides of every face agree: the finer side has the same nodes, the coarser or equal side the same corners.
     #[inline(always)]
-    fn blend<L: Lane<Scalar = T>>(
+    fn blend<L: Lane<Scalar = T>, const JETS: usize>(
         &self,
         profile: Profile,
         (table, present): (L::Index, L::Index),
         t: [L; 3],
         edge: [L; 3],
-        corners: &mut Weights<L>,
+        corners: &mut Weights<L, JETS>,
         taps: &mut impl TableTaps<L>,
     ) {
         let (zero, one, half, two) = (L::constant(0.0), L::constant(1.0), L::constant(0.5), L::constant(2.0));
         let mut upper = [zero; 3];
         let mut nodes = [Nodes::one(zero); 3];
         let mut first = L::index(0);
-        for (axis, step) in [1, 3, 9].into_iter().enumerate() {
+        for axis in 0..3 {
             let beyond = t[axis].above(T::of(0.5));
             upper[axis] = L::number(beyond);
             nodes[axis] = profile.nodes(&self.edge, two * t[axis] - upper[axis], half * edge[axis]);
-            first = L::index_sum(first, beyond, step);
+            first = L::index_sum(first, beyond, [1, 3, 9][axis]);
         }
-        let jets = if self.vectors > 1 { JETS } else { 1 };
-        let mixed = profile == Profile::Hermite;
-        let mut own = [[zero; 8]; JETS];
-        tensor(&nodes, jets, mixed, &mut own);
+        let mut own = tensor::<L, JETS>(&nodes, profile == Profile::Hermite);
         // nodes that are marked do not count: their table is no place, and wraps
         taps.group(L::index_where_marked(table, table, L::index_sum(table, first, 1)));
         let present = L::shifted(present, first);
         for node in 0..8usize {
             let offset = (node & 1) + 3 * (node >> 1 & 1) + 9 * (node >> 2);
             let is_sample = L::number(L::bits(L::shifted(present, L::index(offset)), 1));
-            for slot in 0..self.vectors {
+            for slot in 0..const { kept(JETS).len() } {
                 // samples have no mixed derivatives
-                taps.tap(offset, slot, is_sample * own[SINGLE[slot]][node]);
+                taps.tap(offset, slot, is_sample * own[const { kept(JETS) }[slot]][node]);
             }
             let is_none = one - is_sample;
-            for weights in &mut own[..jets] {
+            for weights in &mut own {
                 weights[node] = is_none * weights[node];
             }
         }
-        nodes_to_corners(profile, &upper, &edge, jets, &mut own);
-        for slot in 0..self.vectors {
-            let jet = SINGLE[slot];
+        nodes_to_corners(profile, &upper, &edge, &mut own);
+        for jet in const { kept(JETS) } {
+            let jet = *jet;
             for corner in 0..8 {
                 corners[jet][corner] = L::where_marked(table, corners[jet][corner], own[jet][corner]);
             }

@@ -25,7 +25,7 @@ fn timings_keep_all_samples_and_grow_with_the_work() {
         let gpu = &Gpu::open(AdapterKind::Any).unwrap();
         let points = points(4096);
         let total = gpu.timing_points(points.len());
-        assert!(total >= if gpu.adapter().software { 65_536 } else { 1_000_000 } && total % points.len() == 0);
+        assert!(total >= if gpu.adapter().software { 65_536 } else { 1_000_000 } && total.is_multiple_of(points.len()));
         let repeat = gpu.timing_repeats(15);
         assert_eq!(repeat, if gpu.adapter().software { 3 } else { 15 });
         let mut best = Vec::new();
