@@ -52,6 +52,18 @@ impl<T: Real> Packed<T> {
     }
 }
 
+/// The wide code where it runs, else the plain.
+macro_rules! wide_or_plain {
+    ($scalar:ty, $wide:expr, $plain:expr) => {{
+        #[cfg(target_arch = "x86_64")]
+        if lanes::is_single::<$scalar>() && available() {
+            // SAFETY: AVX2 and FMA were found.
+            return unsafe { $wide };
+        }
+        $plain
+    }};
+}
+
 /// E at every point: [`LaneModel::lane_packed`] of every rig that brings no other.
 #[inline]
 pub fn packed_irradiance<T: Real, M: LaneModel<T>, const C: usize>(
@@ -60,12 +72,11 @@ pub fn packed_irradiance<T: Real, M: LaneModel<T>, const C: usize>(
     points: &LocalPoints<T>,
     out: &mut [Rgb<T>],
 ) {
-    #[cfg(target_arch = "x86_64")]
-    if lanes::is_single::<T>() && available() {
-        // SAFETY: AVX2 and FMA were found.
-        return unsafe { lanes::irradiance::<T, M, C>(model, packed.rows.all(), points, out) };
-    }
-    plain_irradiance::<T, _, C>(&OneLane(model), &packed.vectors, points, out);
+    wide_or_plain!(
+        T,
+        lanes::irradiance::<T, M, C>(model, packed.rows.all(), points, out),
+        plain_irradiance::<T, _, C>(&OneLane(model), &packed.vectors, points, out)
+    )
 }
 
 /// E at every point by a model whose places find their vectors in a table.
@@ -76,12 +87,11 @@ pub fn table_irradiance<T: Real, M: TableModel<T> + RigModel<T>, const C: usize>
     points: &LocalPoints<T>,
     out: &mut [Rgb<T>],
 ) {
-    #[cfg(target_arch = "x86_64")]
-    if lanes::is_single::<T>() && available() {
-        // SAFETY: AVX2 and FMA were found.
-        return unsafe { lanes::table_irradiance::<T, M, C>(model, packed.rows.all(), points, out) };
-    }
-    plain_irradiance::<T, _, C>(model, &packed.vectors, points, out);
+    wide_or_plain!(
+        T,
+        lanes::table_irradiance::<T, M, C>(model, packed.rows.all(), points, out),
+        plain_irradiance::<T, _, C>(model, &packed.vectors, points, out)
+    )
 }
 
 /// E at every point: [`LaneModel::lane_irradiance`] of every rig that brings no other.
@@ -92,12 +102,11 @@ pub fn irradiance<T: Real, M: LaneModel<T>, const C: usize>(
     points: &LocalPoints<T>,
     out: &mut [Rgb<T>],
 ) {
-    #[cfg(target_arch = "x86_64")]
-    if lanes::is_single::<T>() && available() {
-        // SAFETY: AVX2 and FMA were found.
-        return unsafe { lanes::irradiance::<T, M, C>(model, lanes::packed::<T, C>(vectors).all(), points, out) };
-    }
-    plain_irradiance::<T, _, C>(&OneLane(model), vectors, points, out);
+    wide_or_plain!(
+        T,
+        lanes::irradiance::<T, M, C>(model, lanes::packed::<T, C>(vectors).all(), points, out),
+        plain_irradiance::<T, _, C>(&OneLane(model), vectors, points, out)
+    )
 }
 
 /// E at every point from one vector with weight 1, which no point chooses: eight points at a time throughout.
@@ -108,12 +117,11 @@ pub fn constant_irradiance<T: Real, M: LaneModel<T>, const C: usize>(
     points: &LocalPoints<T>,
     out: &mut [Rgb<T>],
 ) {
-    #[cfg(target_arch = "x86_64")]
-    if lanes::is_single::<T>() && available() {
-        // SAFETY: AVX2 and FMA were found.
-        return unsafe { lanes::constant_irradiance::<T, C>(vectors, points, out) };
-    }
-    plain_irradiance::<T, _, C>(&OneLane(model), vectors, points, out);
+    wide_or_plain!(
+        T,
+        lanes::constant_irradiance::<T, C>(vectors, points, out),
+        plain_irradiance::<T, _, C>(&OneLane(model), vectors, points, out)
+    )
 }
 
 #[cfg(target_arch = "x86_64")]
