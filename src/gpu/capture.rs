@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use glam::DVec3;
 
 use super::shader::{WORKGROUP, layout_entry, pipeline, storage_entry};
-use super::trace::{LIGHT_ROWS, Packed};
+use super::trace::{KIND_MAP, LIGHT_ROWS, Packed};
 use super::{Gpu, GpuError, ShaderText};
 use crate::light::{Constant, Light};
 use crate::probe::{CaptureTask, FACES, ProbeDevice, texels};
@@ -135,7 +135,7 @@ impl CubeCapturer {
         let extras = (0..packed.light_count as u32)
             .filter_map(|index| {
                 let kind = packed.rows[packed.lights + LIGHT_ROWS * index as usize][3].to_bits();
-                (kind >= KIND_TUBE).then_some((index, kind == KIND_TUBE))
+                (KIND_TUBE..KIND_MAP).contains(&kind).then_some((index, kind == KIND_TUBE))
             })
             .collect();
 

@@ -11,8 +11,8 @@ use crate::math::{Rgb, Vector3};
 use crate::probe::{ProbeDevice, TraceTask};
 use crate::rig::LocalPoints;
 use crate::trace::{
-    Arrival, Bounces, Counters, Effects, Effort, Estimate, Gather, Origin, Projected, ProjectionGather, TracedGeometry,
-    Transport,
+    Arrival, Bounces, Counters, Effects, Effort, Estimate, Gather, LightChoice, Origin, Projected, ProjectionGather,
+    TracedGeometry, Transport,
 };
 
 /// Rows of the header, of a triangle, of a light.
@@ -20,6 +20,11 @@ const HEADER_ROWS: usize = 4;
 const TRIANGLE_ROWS: usize = 5;
 pub(super) const LIGHT_ROWS: usize = 4;
 const MAP_ROWS: usize = 3;
+/// Rows of the grid by which lights are chosen, before its table.
+const CHOICE_ROWS: usize = 3;
+/// The kinds of a rectangle's or polygon's triangles and of environment maps among the lights.
+const KIND_TRIANGLE: u32 = 2;
+pub(super) const KIND_MAP: u32 = 6;
 /// Rows that a path writes.
 const ARRIVAL_ROWS: usize = 7;
 /// As for the CPU's rays: 32 roundings of the largest coordinate.
@@ -38,7 +43,8 @@ const DARK_SHARE: f64 = 0.01;
 const NO_HIT: f64 = 2.9e38;
 
 /// A static environment under lights, on the device: path tracing of light to probes in compute, next-event estimation to the lights
-/// and to emissive geometry, diffuse bounces with Russian roulette. The CPU gathers what arrives: SH and its derivatives, in f64.
+/// (environment maps among them, by texel) and to emissive geometry, diffuse bounces with Russian roulette. The CPU gathers what
+/// arrives: SH and its derivatives, in f64.
 ///
 /// It is the twin of [`crate::trace::Transport`]: other random numbers and f32, the same expectation.
 pub struct ProbeTracer {
@@ -78,7 +84,7 @@ pub struct ProbeEstimate {
 }
 
 impl ProbeTracer {
-    /// Refuses trees deeper than its stack. Environment maps are met by the rays that miss everything, and not drawn from.
+    /// Refuses trees deeper than its stack.
     pub fn new(
         gpu: &Gpu,
         geometry: &TracedGeometry,
@@ -479,12 +485,21 @@ impl Packed {
         let mut surroundings = Rgb::zero();
         let mut kinds = Vec::new();
         let mut maps = Vec::new();
+        let mut parts = Vec::new();
         for light in lights {
+            let before = kinds.len();
             match light {
-                Light::Constant(constant) => surroundings += constant.radiance,
-                Light::Environment(environment) => maps.push(environment),
+                Light::Constant(constant) => {
+                    surroundings += constant.radiance;
+                    continue;
+                }
+                Light::Environment(environment) => {
+                    pack_map_light(environment, maps.len() as u32, &mut rows, &mut kinds);
+                    maps.push(environment);
+                }
                 light => pack_light(light, origin, &mut rows, &mut kinds),
             }
+            parts.push(rows[first_light + LIGHT_ROWS * before..].chunks_exact(LIGHT_ROWS).map(size_of_part).collect());
         }
         let count = (rows.len() - first_light) / LIGHT_ROWS;
         let first_map = rows.len();
@@ -492,6 +507,9 @@ impl Packed {
         for (index, environment) in maps.iter().enumerate() {
             pack_map(environment, first_map + MAP_ROWS * index, &mut rows);
         }
+        let choosing: Vec<Light<f64>> = lights.iter().filter(|l| !matches!(l, Light::Constant(_))).cloned().collect();
+        let choice = LightChoice::new(&choosing, (!geometry.triangles.is_empty()).then_some((min, max)));
+        let first_choice = pack_choice(&choice, &parts, origin, &mut rows);
         // a binding is not empty, and no index leaves it
         rows.push([0.0; 4]);
 
@@ -505,7 +523,7 @@ impl Packed {
         rows[1] = [drawn.len() as u32, count as u32, most, flags].map(f32::from_bits);
         let [r, g, b] = surroundings.to_array().map(|v: f64| v as f32);
         rows[2] = [r, g, b, f32::from_bits((seed ^ (seed >> 32)) as u32)];
-        rows[3] = [first_map as u32, maps.len() as u32, 0, 0].map(f32::from_bits);
+        rows[3] = [first_map as u32, maps.len() as u32, first_choice as u32, 0].map(f32::from_bits);
         Ok(Self {
             rows,
             origin,
@@ -569,7 +587,7 @@ fn pack_light(light: &Light<f64>, origin: DVec3, rows: &mut Vec<[f32; 4]>, kinds
             let edge = |p: DVec3| (p - corners[0]).as_vec3().extend(0.0).to_array();
             let normal = (pair[0] - corners[0]).cross(pair[1] - corners[0]).normalize_or_zero();
             let drawn = DrawnLight::Flat(normal);
-            push(2, drawn, (corners[0] - origin).as_vec3(), edge(pair[0]), edge(pair[1]), radiance);
+            push(KIND_TRIANGLE, drawn, (corners[0] - origin).as_vec3(), edge(pair[0]), edge(pair[1]), radiance);
         }
     };
     let direction = |v: Vector3<f64>| v.to_double().as_vec3();
@@ -600,15 +618,73 @@ fn pack_light(light: &Light<f64>, origin: DVec3, rows: &mut Vec<[f32; 4]>, kinds
     }
 }
 
-/// Three rows of the rotation to the map, each with one of the map's width, height and first texel; texels behind everything.
+/// A light by the number of its map, with the map's power. None where the map is black: there is nothing to draw.
+fn pack_map_light(environment: &Environment<f64>, number: u32, rows: &mut Vec<[f32; 4]>, kinds: &mut Vec<DrawnLight>) {
+    let power = environment.map().cumulative_power().1.last().map_or(0.0, |power| power * environment.scale()) as f32;
+    if power > 0.0 {
+        let [kind, number] = [KIND_MAP, number].map(f32::from_bits);
+        rows.extend([[0.0, 0.0, 0.0, kind], [number, 0.0, 0.0, 0.0], [0.0; 4], [power, power, power, 0.0]]);
+        kinds.push(DrawnLight::Distant);
+    }
+}
+
+/// How large a part a light's rows are of it: of the triangles of a rectangle or polygon their area, of other lights all.
+fn size_of_part(rows: &[[f32; 4]]) -> f64 {
+    let [x, y] = [rows[1], rows[2]].map(|[x, y, z, _]| DVec3::new(x.into(), y.into(), z.into()));
+    if rows[0][3].to_bits() == KIND_TRIANGLE { x.cross(y).length() } else { 1.0 }
+}
+
+/// The grid's least corner, cells a metre, and cells along the axes; then, cell by cell, the probability of all lights up to each. `parts`
+/// are the sizes of the parts that each light was cut into. Says where it begins; 0 where there is nothing to choose.
+fn pack_choice(choice: &LightChoice, parts: &[Vec<f64>], origin: DVec3, rows: &mut Vec<[f32; 4]>) -> usize {
+    if choice.cells.contains(&0) || parts.iter().all(Vec::is_empty) {
+        return 0;
+    }
+    let first = rows.len();
+    let cells = choice.cells.map(|count| f32::from_bits(count as u32));
+    let [x, y] = [choice.min - origin, choice.density].map(|v| v.as_vec3().extend(0.0).to_array());
+    rows.extend([x, y, [cells[0], cells[1], cells[2], 0.0]]);
+    debug_assert_eq!(rows.len(), first + CHOICE_ROWS);
+    for shares in choice.shares() {
+        // what is not drawn (a black map) has no part, and leaves its share to the others
+        let whole: f64 = shares.iter().zip(parts).filter(|(_, parts)| !parts.is_empty()).map(|(share, _)| share).sum();
+        let mut sum = 0.0;
+        for (share, parts) in shares.iter().zip(parts) {
+            let size: f64 = parts.iter().sum();
+            for part in parts {
+                sum += share / whole * if size > 0.0 { part / size } else { 1.0 / parts.len() as f64 };
+                rows.push([sum as f32, 0.0, 0.0, 0.0]);
+            }
+        }
+        let last = rows.len() - 1;
+        rows[last][0] = 1.0;
+    }
+    first
+}
+
+/// Three rows of the rotation to the map, each with one of the map's width, height and first row of its table. The table: of each row
+/// of texels the share of the map's power up to it, and where it begins and ends as squared sines of half the angles from the nearer
+/// pole, with that pole's sign; then the texels, each with the share of its row's power up to it.
 fn pack_map(environment: &Environment<f64>, at: usize, rows: &mut Vec<[f32; 4]>) {
-    let (width, height) = environment.map().size();
+    let map = environment.map();
+    let (width, height) = map.size();
     let turn = environment.map_from_world();
     let numbers = [width, height, rows.len()].map(|number| f32::from_bits(number as u32));
     for (axis, number) in numbers.into_iter().enumerate() {
         rows[at + axis] = turn.row(axis).as_vec3().extend(number).to_array();
     }
+    let (within, above) = map.cumulative_power();
+    let share = |part: f64, whole: f64| if whole > 0.0 { (part / whole) as f32 } else { 0.0 };
+    for (row, power) in above.iter().enumerate() {
+        let (from_pole, side) = if 2 * row < height { (row, 1.0) } else { (height - 1 - row, -1.0) };
+        let edge = |row: usize| (0.5 * std::f64::consts::PI * row as f64 / height as f64).sin().powi(2) as f32;
+        rows.push([share(*power, above[height - 1]), edge(from_pole), edge(from_pole + 1), side]);
+    }
     let scale = environment.scale();
-    let scaled = |texel: &[f32; 3]| texel.map(|radiance| (f64::from(radiance) * scale) as f32);
-    rows.extend(environment.map().texels().iter().map(scaled).map(|[r, g, b]| [r, g, b, 0.0]));
+    for (texels, within) in map.texels().chunks_exact(width).zip(within.chunks_exact(width)) {
+        for (texel, power) in texels.iter().zip(within) {
+            let [r, g, b] = texel.map(|radiance| (f64::from(radiance) * scale) as f32);
+            rows.push([r, g, b, share(*power, within[width - 1])]);
+        }
+    }
 }

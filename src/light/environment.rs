@@ -235,6 +235,10 @@ impl EnvironmentMap {
     pub fn texels(&self) -> &[[f32; 3]] {
         &self.texels
     }
+    /// What directions are drawn by: along each row the power of its texels up to each, and the power of the rows up to each.
+    pub fn cumulative_power(&self) -> (&[f64], &[f64]) {
+        (&self.within_rows, &self.rows)
+    }
     /// Hash of the file that the map was read from; empty for a map that was no file.
     pub fn content(&self) -> &str {
         &self.content

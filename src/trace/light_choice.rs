@@ -1,6 +1,5 @@
 use glam::DVec3;
 
-use super::visibility::Visibility;
 use crate::light::{Light, LightShape};
 use crate::math::Vector3;
 
@@ -12,22 +11,21 @@ const EVEN: f64 = 0.2;
 /// Which light to draw at a surface: a grid over the static geometry that knows how much of each light passes the middle of
 /// each cell when nothing blocks it. Any choice is unbiased; a good one has less noise.
 #[derive(Clone, Debug, Default)]
-pub(super) struct LightChoice {
-    min: DVec3,
+pub(crate) struct LightChoice {
+    pub min: DVec3,
     /// Cells a metre, by axis.
-    density: DVec3,
-    cells: [usize; 3],
+    pub density: DVec3,
+    /// None where there is nothing to choose.
+    pub cells: [usize; 3],
     lights: usize,
     /// Probability of the lights up to and including each, cell by cell.
     cumulative: Vec<f64>,
 }
 
 impl LightChoice {
-    pub fn new(lights: &[Light<f64>], visibility: &Visibility) -> Self {
-        let (min, max) = visibility.bounds();
-        if lights.len() < 2 || visibility.is_empty() {
-            return Self::default();
-        }
+    /// Over the box of the static geometry, where there is any.
+    pub fn new(lights: &[Light<f64>], bounds: Option<(DVec3, DVec3)>) -> Self {
+        let Some((min, max)) = bounds.filter(|_| lights.len() > 1) else { return Self::default() };
         let size = max - min;
         // near-cubic cells, as many as the table may hold
         let most = (ENTRIES / lights.len()).max(1) as f64;
@@ -65,6 +63,14 @@ impl LightChoice {
             sum += even / passing.len() as f64 + (1.0 - even) * share;
             self.cumulative.push(sum);
         }
+    }
+
+    /// Probabilities of the lights, cell by cell, x running fastest.
+    pub fn shares(&self) -> impl Iterator<Item = Vec<f64>> {
+        self.cumulative.chunks_exact(self.lights.max(1)).map(|row| {
+            let below = std::iter::once(0.0).chain(row.iter().copied());
+            row.iter().zip(below).map(|(sum, below)| (sum - below) / row[row.len() - 1]).collect()
+        })
     }
 
     /// A light and its probability.

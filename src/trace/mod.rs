@@ -23,5 +23,6 @@ pub use estimate::{Effort, Estimate, Projected, Seed};
 pub use gather::SILHOUETTE_COSINE;
 pub(crate) use gather::{Arrival, Gather, Origin, ProjectionGather};
 pub use geometry::{TracedGeometry, TracedMaterial};
+pub(crate) use light_choice::LightChoice;
 pub use transport::{Sight, Tracer, Transport};
 pub use visibility::{Hit, Visibility};

@@ -173,7 +173,7 @@ impl<'a> Transport<'a> {
             }
         }
         let choice = match effects.bounces {
-            Some(_) => LightChoice::new(&drawn, &tracer.visibility),
+            Some(_) => LightChoice::new(&drawn, (!tracer.visibility.is_empty()).then(|| tracer.visibility.bounds())),
             None => LightChoice::default(),
         };
         Self { tracer, lights: drawn, surroundings, effects, choice }

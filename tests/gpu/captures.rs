@@ -92,6 +92,22 @@ fn lights_in_texels_are_those_of_the_cpu() {
             }
         }
         assert!(wrong.is_empty(), "{wrong:?}");
+        // where texels meet a map
+        let (sky, own) = ([sky()], CaptureShaders::OWN);
+        let transport = Transport::new(&tracer, &sky, Effects::NONE);
+        let task = task(4, FACE, 1);
+        let cpu = on_the_cpu(&transport, task, 1);
+        for (right, wrong) in [
+            ("atan2(d.x, -d.z) / (2.0 * PI) + 0.5", "atan2(d.x, d.z) / (2.0 * PI) + 0.5"),
+            ("atan2(length(d.xz), d.y) / PI", "atan2(length(d.xz), -d.y) / PI"),
+            ("texel.y * size.x + texel.x", "texel.y * size.x"),
+        ] {
+            let broken = own.shade.replacen(right, wrong, 1);
+            assert_ne!(broken, own.shade, "`{right}` is not in the shader");
+            let shaders = CaptureShaders { shade: &broken, ..own };
+            let off = differences(&rasterised(gpu, &transport, task, shaders), &cpu);
+            assert!(!agree(off, false), "`{wrong}` passes with {off:?}");
+        }
     });
 }
 
@@ -230,7 +246,7 @@ fn what_captured_surfaces_reflect_agrees_within_its_noise() {
                 reflections_apart([a, a0], [b, b0]).powi(2)
             };
             let own = device(CaptureShaders::OWN.shade);
-            // the CPU draws lights by what they send and the GPU any of them: each has its own noise
+            // 8 paths a texel here and 32 there: each has its own noise
             let noise = 0.5
                 * (between(&cpu[0], &cpu_direct, &cpu[1], &cpu_direct)
                     + between(&own[0], &device_direct, &own[1], &device_direct));

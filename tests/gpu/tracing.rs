@@ -203,6 +203,7 @@ fn probes_traced_on_the_gpu_agree_with_the_cpu() {
                     ("throughput *= s.albedo;", "throughput *= s.albedo * 1.3;"),
                     ("select(-outward, outward, front)", "outward"),
                     ("strength * (2.0 * PI * height)", "strength * (PI * height)"),
+                    ("scene[shares + light].x - below", "scene[shares + light].x"),
                 ] {
                     let z = scores(&broken(right, wrong, &lights), &expected, VALUES);
                     assert!(!honest(z), "`{wrong}` passes with {z:?}");
@@ -212,11 +213,109 @@ fn probes_traced_on_the_gpu_agree_with_the_cpu() {
     });
 }
 
+/// A court of 4 x 4 m between walls 2 m high, open to the sky.
+fn court() -> TracedGeometry {
+    let wall = |r: f64, g: f64, b: f64| TracedMaterial { albedo: Rgb::new(r, g, b), emission: Rgb::zero() };
+    let mut court = TracedGeometry::default();
+    let (x, y, z) = (DVec3::X * 2.0, DVec3::Y, DVec3::Z * 2.0);
+    court.add_quad(wall(0.6, 0.6, 0.6), -y, z, x);
+    for (out, along, colour) in [
+        (x, z, wall(0.7, 0.3, 0.2)),
+        (-x, -z, wall(0.3, 0.6, 0.3)),
+        (z, -x, wall(0.5, 0.5, 0.7)),
+        (-z, x, wall(0.7, 0.7, 0.5)),
+    ] {
+        court.add_quad(colour, out, along, y);
+    }
+    court
+}
+
+/// A dim sky with a sun of 0.006 sr, which sends half of all light.
+fn sun_and_sky() -> Light<f64> {
+    let (width, height) = (64, 32);
+    let mut texels: Vec<[f32; 3]> = (0..width * height).map(|i| [0.2, 0.3, 0.4 + 0.01 * (i % 5) as f32]).collect();
+    texels[6 * width + 20] = [900.0, 800.0, 600.0];
+    let map = EnvironmentMap::new(width, height, texels).unwrap();
+    Light::Environment(Environment::new(map.into(), 0.8, glam::DMat3::from_rotation_y(0.7)))
+}
+
+#[test]
+fn environment_maps_are_drawn_from_on_the_gpu_as_on_the_cpu() {
+    on_gpu("environment_maps_are_drawn_from_on_the_gpu_as_on_the_cpu", |gpu| {
+        let court = court();
+        let places = [DVec3::new(-0.5, 0.3, 0.2), DVec3::new(1.6, -0.7, 0.4), DVec3::new(0.2, 1.6, -1.0)];
+        // alone, and beside a lamp with which it shares the draws
+        let lamp = Light::Sphere(Sphere {
+            center: Vector3::new(1.2, 0.3, -1.0),
+            radius: 0.3,
+            radiance: Rgb::new(4.0, 1.0, 2.0),
+        });
+        let shader = include_str!("../../src/gpu/passes/trace_probes.wgsl");
+        let with = |changes: &[(&str, &str)]| {
+            changes.iter().fold(shader.to_owned(), |text, (right, wrong)| {
+                assert!(text.contains(right), "`{right}` is not in the shader");
+                text.replacen(right, wrong, 1)
+            })
+        };
+        // texels drawn evenly, whatever they send: right on the mean, and what importance sampling is held against
+        let evenly = with(&[
+            ("first_above(rows, size.y, 0u, v)", "min(u32(v * f32(size.y)), size.y - 1u)"),
+            ("first_above(texels, size.x, 3u, u)", "min(u32(u * f32(size.x)), size.x - 1u)"),
+            (
+                "(power / (radiance.x + radiance.y + radiance.z))",
+                "(power / scene[LIGHTS + 4u * picked_light + 3u].x * 4.0 * PI * f32(size.y) * (band.z - band.y))",
+            ),
+        ]);
+        for (lights, effects) in [
+            (vec![sun_and_sky()], Effects::SHADOWS),
+            (vec![sun_and_sky()], Effects::bounces(Bounces::Count(1))),
+            (vec![lamp, sun_and_sky()], Effects::bounces(Bounces::Count(2))),
+        ] {
+            let cpu = Tracer::new(&court);
+            let seed = Seed { seed: 5, purpose: StreamPurpose::Test };
+            let cpu =
+                Transport::new(&cpu, &lights, effects).projection(&places, ORDER, true, seed, Effort::Samples(PATHS));
+            let expected: Vec<_> = cpu.iter().map(|e| (numbers(&e.value), numbers(&e.standard_error))).collect();
+            let on_the_gpu = |model: &str| {
+                let tracer = ProbeTracer::with_model(gpu, &court, &lights, effects, 4, model).unwrap();
+                traced(&tracer, &places)
+            };
+            let error = |estimates: &[Estimate<Projected>]| {
+                let errors = estimates.iter().flat_map(|e| numbers(&e.standard_error)[..VALUES].to_vec());
+                (errors.map(|e| e * e).sum::<f64>() / (estimates.len() * VALUES) as f64).sqrt()
+            };
+            let found = on_the_gpu(shader);
+            let z = scores(&found, &expected, VALUES);
+            let ratio = error(&found) / error(&cpu);
+            let even = on_the_gpu(&evenly);
+            let (even_z, even_ratio) = (scores(&even, &expected, VALUES), error(&even) / error(&cpu));
+            println!("{effects}: {z:?}, {ratio} times the CPU's error; texels drawn evenly: {even_z:?}, {even_ratio}");
+            assert!(honest(z), "{effects}: {z:?}");
+            assert!(ratio < 3.0, "{effects}: {ratio} times the CPU's error");
+            assert!(even_ratio > 3.0 * ratio, "{effects}: drawn evenly {even_ratio} times the CPU's error");
+            if effects != Effects::bounces(Bounces::Count(1)) {
+                continue;
+            }
+            for (right, wrong) in [
+                ("(power / (radiance.x", "(0.9 * power / (radiance.x"),
+                ("(power / (radiance.x + radiance.y", "(power / (radiance.x"),
+                ("f32(size.x) - 0.5)", "f32(size.x))"),
+                ("band.w * (1.0 - 2.0 * lift)", "1.0 - 2.0 * lift"),
+            ] {
+                let z = scores(&on_the_gpu(&with(&[(right, wrong)])), &expected, VALUES);
+                assert!(!honest(z), "{effects}: `{wrong}` passes with {z:?}");
+            }
+        }
+    });
+}
+
 #[test]
 fn environment_maps_light_probes_on_the_gpu_as_on_the_cpu() {
     on_gpu("environment_maps_light_probes_on_the_gpu_as_on_the_cpu", |gpu| {
-        // beside another light, so that it has its place among several
-        let lights = [lights().remove(0), sky()];
+        // beside another light, so that it has its place among several; and a black one, of which nothing is drawn
+        let black = EnvironmentMap::new(4, 2, vec![[0.0; 3]; 8]).unwrap();
+        let black = Light::Environment(Environment::new(black.into(), 1.0, glam::DMat3::IDENTITY));
+        let lights = [lights().remove(0), black, sky()];
         let shader = include_str!("../../src/gpu/passes/trace_probes.wgsl");
         for effects in [Effects::NONE, Effects::SHADOWS, Effects::bounces(Bounces::Count(1))] {
             let (expected, count) = match effects == Effects::NONE {
@@ -225,18 +324,14 @@ fn environment_maps_light_probes_on_the_gpu_as_on_the_cpu() {
             };
             let found = traced(&ProbeTracer::new(gpu, &room(), &lights, effects, 4).unwrap(), &places());
             let z = scores(&found, &expected, count);
+            println!("{effects}: {z:?}");
             assert!(honest(z), "{effects}: {z:?}");
-            for (right, wrong) in [
-                ("atan2(d.x, -d.z) / (2.0 * PI) + 0.5", "atan2(d.x, d.z) / (2.0 * PI) + 0.5"),
-                ("atan2(length(d.xz), d.y) / PI", "atan2(length(d.xz), -d.y) / PI"),
-                ("texel.y * size.x + texel.x", "texel.y * size.x"),
-            ] {
-                let broken = shader.replacen(right, wrong, 1);
-                assert_ne!(broken, shader, "`{right}` is not in the shader");
-                let tracer = ProbeTracer::with_model(gpu, &room(), &lights, effects, 4, &broken).unwrap();
-                let z = scores(&traced(&tracer, &places()), &expected, count);
-                assert!(!honest(z), "`{wrong}` passes with {z:?}");
-            }
+            let (right, wrong) = ("first_above(rows, size.y, 0u, v)", "first_above(rows, size.y, 0u, 0.7 * v)");
+            let broken = shader.replacen(right, wrong, 1);
+            assert_ne!(broken, shader, "`{right}` is not in the shader");
+            let tracer = ProbeTracer::with_model(gpu, &room(), &lights, effects, 4, &broken).unwrap();
+            let z = scores(&traced(&tracer, &places()), &expected, count);
+            assert!(!honest(z), "{effects}: `{wrong}` passes with {z:?}");
         }
     });
 }

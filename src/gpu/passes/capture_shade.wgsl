@@ -71,6 +71,21 @@ fn add_surface(record: ptr<function, Record>, weight: vec3f, distance: f32, norm
     add_stretched(record, weight, weight / distance, stretch);
 }
 
+// Radiance from infinitely far: constant, and that of lat-long maps, each texel even over its solid angle.
+fn surroundings(direction: vec3f) -> vec3f {
+    var sum = scene[2u].xyz;
+    for (var map = 0u; map < header(3u, 1u); map++) {
+        let at = header(3u, 0u) + 3u * map;
+        let d = vec3f(
+            dot(scene[at].xyz, direction), dot(scene[at + 1u].xyz, direction), dot(scene[at + 2u].xyz, direction));
+        let size = vec2u(bitcast<u32>(scene[at].w), bitcast<u32>(scene[at + 1u].w));
+        let place = vec2f(atan2(d.x, -d.z) / (2.0 * PI) + 0.5, atan2(length(d.xz), d.y) / PI);
+        let texel = min(vec2u(place * vec2f(size)), size - vec2u(1u));
+        sum += scene[bitcast<u32>(scene[at + 2u].w) + size.y + texel.y * size.x + texel.x].xyz;
+    }
+    return sum;
+}
+
 struct LightHit {
     distance: f32,
     // Towards the place.

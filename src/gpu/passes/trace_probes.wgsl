@@ -4,7 +4,8 @@
 // The last row counts rays for the nearest surface, rays for anything at all, bounces and samples of emissive geometry.
 // The mean over paths of the sum of weight * Y(direction) is the probe's SH vector.
 //
-// The scene is one buffer (src/gpu/trace.rs packs it): a header of four rows, then nodes, triangles, emitters, lights, environment maps.
+// The scene is one buffer (src/gpu/trace.rs packs it): a header of four rows, then nodes, triangles, emitters, lights, environment maps,
+// and the grid by which lights are chosen. Paths that meet nothing see constant light alone: maps are drawn from, as lights are.
 
 @group(0) @binding(3) var<storage, read> scene: array<vec4f>;
 
@@ -39,19 +40,16 @@ fn header(row: u32, column: u32) -> u32 {
     return bitcast<u32>(scene[row][column]);
 }
 
-// Radiance from infinitely far: constant, and that of lat-long maps, each texel even over its solid angle.
-fn surroundings(direction: vec3f) -> vec3f {
-    var sum = scene[2u].xyz;
-    for (var map = 0u; map < header(3u, 1u); map++) {
-        let at = header(3u, 0u) + 3u * map;
-        let d = vec3f(
-            dot(scene[at].xyz, direction), dot(scene[at + 1u].xyz, direction), dot(scene[at + 2u].xyz, direction));
-        let size = vec2u(bitcast<u32>(scene[at].w), bitcast<u32>(scene[at + 1u].w));
-        let place = vec2f(atan2(d.x, -d.z) / (2.0 * PI) + 0.5, atan2(length(d.xz), d.y) / PI);
-        let texel = min(vec2u(place * vec2f(size)), size - vec2u(1u));
-        sum += scene[bitcast<u32>(scene[at + 2u].w) + texel.y * size.x + texel.x].xyz;
+// The first of so many rows whose number in a column is above u.
+fn first_above(rows: u32, count: u32, column: u32, u: f32) -> u32 {
+    var low = 0u;
+    var high = count - 1u;
+    loop {
+        if low >= high { break; }
+        let middle = (low + high) / 2u;
+        if scene[rows + middle][column] > u { high = middle; } else { low = middle + 1u; }
     }
-    return sum;
+    return low;
 }
 
 struct Hit {
@@ -168,16 +166,57 @@ fn draw_flat(place: vec3f, normal: vec3f, area: f32, radiance: vec3f, p: vec3f) 
     return Draw(direction, sqrt(squared), radiance * (cosine * area / squared));
 }
 
-// A sample of one light of the layout, drawn with equal chances.
-fn draw_light(p: vec3f) -> Draw {
+struct Pick {
+    light: u32,
+    probability: f32,
+}
+
+// Which light to draw: by a grid that knows how much of each passes its cells unblocked (src/trace/light_choice.rs), else any.
+fn pick_light(p: vec3f) -> Pick {
     let count = header(1u, 1u);
-    let pick = min(u32(uniform_number() * f32(count)), count - 1u);
-    picked_light = pick;
-    let at = LIGHTS + 4u * pick;
+    let u = uniform_number();
+    let choice = header(3u, 2u);
+    if choice == 0u {
+        return Pick(min(u32(u * f32(count)), count - 1u), 1.0 / f32(count));
+    }
+    let cells = bitcast<vec3u>(scene[choice + 2u].xyz);
+    let place = (p - scene[choice].xyz) * scene[choice + 1u].xyz;
+    let at = vec3u(clamp(place, vec3f(0.0), vec3f(cells) - 0.5));
+    let shares = choice + 3u + count * ((at.z * cells.y + at.y) * cells.x + at.x);
+    let light = first_above(shares, count, 0u, u);
+    var below = 0.0;
+    if light > 0u { below = scene[shares + light - 1u].x; }
+    return Pick(light, scene[shares + light].x - below);
+}
+
+// A direction to an environment map whose power is `power`: a texel by its share of that, then even over the texel.
+fn draw_map(map: u32, power: f32, u: f32, v: f32) -> Draw {
+    let at = header(3u, 0u) + 3u * map;
+    let size = vec2u(bitcast<u32>(scene[at].w), bitcast<u32>(scene[at + 1u].w));
+    let rows = bitcast<u32>(scene[at + 2u].w);
+    let row = first_above(rows, size.y, 0u, v);
+    let texels = rows + size.y + size.x * row;
+    let column = first_above(texels, size.x, 3u, u);
+    let radiance = scene[texels + column].xyz;
+    // even in the cosine of the angle from the nearer pole, by the squared sine of its half, which keeps its digits there
+    let band = scene[rows + row];
+    let lift = mix(band.y, band.z, uniform_number());
+    let across = 2.0 * sqrt(max(lift * (1.0 - lift), 0.0));
+    let turn = 2.0 * PI * ((f32(column) + uniform_number()) / f32(size.x) - 0.5);
+    let d = vec3f(across * sin(turn), band.w * (1.0 - 2.0 * lift), -across * cos(turn));
+    let direction = scene[at].xyz * d.x + scene[at + 1u].xyz * d.y + scene[at + 2u].xyz * d.z;
+    return Draw(direction, NO_HIT, radiance * (power / (radiance.x + radiance.y + radiance.z)));
+}
+
+// A sample of one light of the layout.
+fn draw_light(p: vec3f) -> Draw {
+    let pick = pick_light(p);
+    picked_light = pick.light;
+    let at = LIGHTS + 4u * pick.light;
     let a = scene[at];
     let b = scene[at + 1u];
     let c = scene[at + 2u];
-    let strength = scene[at + 3u].xyz * f32(count);
+    let strength = scene[at + 3u].xyz / pick.probability;
     let u = uniform_number();
     let v = uniform_number();
     switch bitcast<u32>(a.w) {
@@ -228,6 +267,10 @@ fn draw_light(p: vec3f) -> Draw {
             let squared = dot(to, to);
             return Draw(to * inverseSqrt(squared), sqrt(squared), strength / squared);
         }
+        // environment map
+        case 6u: {
+            return draw_map(bitcast<u32>(b.x), strength.x, u, v);
+        }
         // directional
         default: {
             return Draw(a.xyz, NO_HIT, strength);
@@ -246,15 +289,8 @@ struct EmitterDraw {
 
 fn draw_emitter() -> EmitterDraw {
     work_done.y += 1u;
-    let u = uniform_number();
-    var low = 0u;
-    var high = header(1u, 0u) - 1u;
-    loop {
-        if low >= high { break; }
-        let middle = (low + high) / 2u;
-        if scene[EMITTERS + middle].x > u { high = middle; } else { low = middle + 1u; }
-    }
-    let triangle = bitcast<u32>(scene[EMITTERS + low].y);
+    let emitter = first_above(EMITTERS, header(1u, 0u), 0u, uniform_number());
+    let triangle = bitcast<u32>(scene[EMITTERS + emitter].y);
     let at = TRIANGLES + TRIANGLE_ROWS * triangle;
     let root = sqrt(uniform_number());
     let v = uniform_number();
@@ -343,6 +379,8 @@ fn reflected(first: Surface) -> vec3f {
         let start = s.position + s.normal * gap(s.position);
         sum += throughput * direct(s, start) / PI;
         let last = bounce == most;
+        // nothing that a direction could still meet sends light
+        if last && header(1u, 0u) == 0u && !any(scene[2u].xyz > vec3f(0.0)) { break; }
         if bounce >= ROULETTE_FROM && !last {
             let survival = min(max(throughput.x, max(throughput.y, throughput.z)), HIGHEST_SURVIVAL);
             if uniform_number() >= survival { break; }
@@ -354,7 +392,7 @@ fn reflected(first: Surface) -> vec3f {
         let direction = frame(s.normal) * vec3f(r * cos(turn), r * sin(turn), cosine);
         let hit = meet(start, direction, NO_HIT, false);
         if hit.triangle == 0xffffffffu {
-            sum += throughput * surroundings(direction);
+            sum += throughput * scene[2u].xyz;
             break;
         }
         s = surface(hit, start, direction);
@@ -410,7 +448,7 @@ fn trace_probes(@builtin(global_invocation_id) id: vec3u) {
     let turn = 2.0 * PI * uniform_number();
     let r = sqrt(max(1.0 - z * z, 0.0));
     let direction = vec3f(r * cos(turn), r * sin(turn), z);
-    var radiance = surroundings(direction);
+    var radiance = scene[2u].xyz;
     var from_surface = -1.0;
     var depth = NO_HIT;
     if sends {
