@@ -162,8 +162,9 @@ fn an_interrupted_sweep_says_so_and_goes_on() {
     assert!(log.contains(&format!("{} cached, 0 failed", kept.len())), "{} kept: {log}", kept.len());
 }
 
-/// Adds a room to the ball and an experiment with a volume in it, whose bake takes a while.
-fn with_a_volume(folder: &Path) {
+/// Adds a room to the ball and an experiment with two volumes in it, whose bakes take a while; the second has the samples of the first
+/// and those between them.
+fn with_volumes(folder: &Path) {
     let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
     write(
         "scenes/room.toml",
@@ -178,49 +179,53 @@ fn with_a_volume(folder: &Path) {
         "schema_version = 1\nname = \"volume\"\ntitle = \"volume\"\n[image]\nkeep = \"none\"\n\
          [timing]\nwarmup = 0\nrepeat = 1\n[reference]\npoints = 64\nrelative_error = 0.05\nseconds = 30\n\
          [effects]\nmode = \"bounces=2\"\n\
-         [matrix]\nscene = [\"room\"]\nlights = [\"lamp\"]\nrig = [\"grid\"]\nprobe_source = [\"rays\"]\n\
-         [rig.grid]\ngrid = { bounds = { min = [-0.7, 0.1, -1], max = [1, 1.5, 1] }, samples = [12, 8, 12] }\n\
+         [matrix]\nscene = [\"room\"]\nlights = [\"lamp\"]\nrig = [\"coarse\", \"fine\"]\nprobe_source = [\"rays\"]\n\
+         [rig.coarse]\ngrid = { bounds = { min = [-0.7, 0.1, -1], max = [1, 1.5, 1] }, samples = [12, 8, 6] }\n\
+         [rig.fine]\ngrid = { bounds = { min = [-0.7, 0.1, -1], max = [1, 1.5, 1] }, samples = [12, 8, 11] }\n\
          [probe_source.rays]\ntraced = { spp = 1500 }\n",
     );
 }
 
-/// Bytes of the logs of bakes.
-fn logged(folder: &Path) -> u64 {
-    let Ok(logs) = std::fs::read_dir(folder.join("results/volume/bakes")) else { return 0 };
-    logs.map(|log| log.unwrap().metadata().map_or(0, |m| m.len())).sum()
+/// Bytes of the logs of bakes, the shortest first.
+fn logged(folder: &Path) -> Vec<u64> {
+    let Ok(logs) = std::fs::read_dir(folder.join("results/volume/bakes")) else { return Vec::new() };
+    let mut sizes: Vec<u64> = logs.map(|log| log.unwrap().metadata().map_or(0, |m| m.len())).collect();
+    sizes.sort_unstable();
+    sizes
 }
 
 #[test]
-fn a_bake_that_was_killed_goes_on_with_the_samples_it_has() {
+fn bakes_that_were_killed_go_on_with_the_samples_they_have() {
     let whole = project();
-    with_a_volume(whole.path());
+    with_volumes(whole.path());
     let (exit, log) = finish(start_of(whole.path(), "experiments/volume.toml"));
     assert_eq!(exit, Some(0), "{log}");
     assert!(!log.contains("went on with a bake"), "{log}");
 
-    let folder = project();
-    with_a_volume(folder.path());
-    // killed as soon as some of the samples are there
-    let mut child = start_of(folder.path(), "experiments/volume.toml");
-    let deadline = Instant::now() + Duration::from_secs(240);
-    while logged(folder.path()) < 60_000 && Instant::now() < deadline {
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    child.kill().unwrap();
-    finish(child);
-    std::thread::sleep(Duration::from_millis(200));
-    let kept = logged(folder.path());
-    assert!(kept >= 60_000, "{kept} bytes");
-    let (exit, log) = finish(start_of(folder.path(), "experiments/volume.toml"));
-    assert_eq!(exit, Some(0), "{log}");
-    assert!(
-        log.contains("went on with a bake that was cut short") && log.contains("of its 1152 samples were there"),
-        "{log}"
-    );
-    assert_eq!(rows_of(folder.path(), "volume"), rows_of(whole.path(), "volume"));
-    assert!(!rows_of(folder.path(), "volume")[0]["bake_rays"].is_empty());
-    // what is done leaves no log behind
-    for folder in [&whole, &folder] {
+    // killed as soon as some of the first one's samples are there, and of the second one's, behind whole ones of the first
+    for (number, cut_short) in [(1, "of its 576 samples were there"), (2, "of its 1056 samples were there")] {
+        let folder = project();
+        with_volumes(folder.path());
+        let begun = || {
+            let sizes = logged(folder.path());
+            sizes.len() == number && sizes[0] >= 60_000
+        };
+        let mut child = start_of(folder.path(), "experiments/volume.toml");
+        let deadline = Instant::now() + Duration::from_secs(240);
+        while !begun() && Instant::now() < deadline {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        child.kill().unwrap();
+        finish(child);
+        std::thread::sleep(Duration::from_millis(200));
+        assert!(begun(), "{:?} bytes", logged(folder.path()));
+        let (exit, log) = finish(start_of(folder.path(), "experiments/volume.toml"));
+        assert_eq!(exit, Some(0), "{log}");
+        assert!(log.contains("went on with a bake that was cut short") && log.contains(cut_short), "{log}");
+        assert_eq!(rows_of(folder.path(), "volume"), rows_of(whole.path(), "volume"));
+        assert!(rows_of(folder.path(), "volume").iter().all(|row| !row["bake_rays"].is_empty()));
+        // what is done leaves no log behind
         assert!(!folder.path().join("results/volume/bakes").exists());
     }
+    assert!(!whole.path().join("results/volume/bakes").exists());
 }

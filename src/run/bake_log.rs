@@ -4,11 +4,10 @@ use std::path::{Path, PathBuf};
 
 use super::disk::{StoreError, create_folder};
 use crate::experiment::Key;
-use crate::trace::Counters;
-use crate::volume::{Asked, Journal, Stretch};
+use crate::volume::{Asked, Journal, Stretch, Took};
 
 /// First bytes of a log; the digit is the version of the format.
-const MAGIC: &[u8; 8] = b"RIGBAKE1";
+const MAGIC: &[u8; 8] = b"RIGBAKE2";
 /// Bytes before the first record: magic and key.
 const HEADER: u64 = 8 + 32;
 /// Bytes of a record beside its content: its length before it, its hash behind it.
@@ -34,12 +33,11 @@ pub struct BakeLog {
     broken: bool,
 }
 
+/// The counts of a record: of the stretch, and of each of its samples where they were taken one by one.
 #[derive(serde::Serialize, serde::Deserialize)]
-struct Took {
-    projections: u64,
-    singular: u64,
-    rays: Counters,
-    seconds: f64,
+struct Counts {
+    took: Took,
+    each: Vec<Took>,
 }
 
 impl BakeLog {
@@ -121,11 +119,11 @@ impl Journal for BakeLog {
 
 /// A whole record.
 fn encode(asked: &Asked, stretch: &Stretch) -> Vec<u8> {
-    let Stretch { projections, singular, rays, seconds, .. } = *stretch;
-    let took = serde_json::to_vec(&Took { projections, singular, rays, seconds }).expect("counts are plain JSON");
+    let counts = Counts { took: stretch.took, each: stretch.each.clone() };
+    let counts = serde_json::to_vec(&counts).expect("counts are plain JSON");
     let mut content = Vec::from(asked);
-    content.extend((took.len() as u32).to_le_bytes());
-    content.extend(took);
+    content.extend((counts.len() as u32).to_le_bytes());
+    content.extend(counts);
     content.extend(stretch.numbers.iter().flat_map(|v| v.to_le_bytes()));
     let hash = blake3::hash(&content);
     let mut record = Vec::from((content.len() as u32).to_le_bytes());
@@ -136,21 +134,23 @@ fn encode(asked: &Asked, stretch: &Stretch) -> Vec<u8> {
 
 fn decode(content: &[u8], asked: &Asked) -> Option<Stretch> {
     let (length, rest) = content.strip_prefix(asked)?.split_first_chunk::<4>()?;
-    let (took, numbers) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
-    let Took { projections, singular, rays, seconds } = serde_json::from_slice(took).ok()?;
+    let (counts, numbers) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+    let Counts { took, each } = serde_json::from_slice(counts).ok()?;
     let (numbers, rest) = numbers.as_chunks::<8>();
     let numbers = numbers.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect();
-    rest.is_empty().then_some(Stretch { numbers, projections, singular, rays, seconds })
+    rest.is_empty().then_some(Stretch { numbers, took, each })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::trace::Counters;
 
     fn stretch(count: usize) -> Stretch {
         let numbers = (0..count).map(|k| (k as f64).sin() * 1e-3).chain([-0.0, f64::MIN_POSITIVE / 3.0]).collect();
         let rays = Counters { shadow_rays: 7 + count as u64, ..Counters::default() };
-        Stretch { numbers, projections: 3, singular: 1, rays, seconds: 0.1 }
+        let took = Took { projections: 3, singular: 1, rays, seconds: 0.1 };
+        Stretch { numbers, took, each: vec![took; count / 5] }
     }
 
     fn log(folder: &Path) -> BakeLog {

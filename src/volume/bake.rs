@@ -11,7 +11,7 @@ use super::cells::{Cells, Place, corner_places, position};
 use super::config::{Lookup, Structure, Volume, budget_help};
 use super::forest::Forest;
 use super::heuristic::{Criterion, Evidence};
-use super::journal::{Journal, NoJournal, Stretch, asked, stretches};
+use super::journal::{Journal, NoJournal, Stretch, Took, asked, stretches};
 use super::model::{Across, CellModel, VolumeModel};
 use super::overlap::triangle_overlaps_box;
 use super::pool::{Pooled, SamplePool};
@@ -253,52 +253,68 @@ fn are_poolable(prober: &Prober) -> bool {
     }
 }
 
+/// A stretch of samples that was taken now, and what of it a pool held already.
+type Taking = (Stretch, Took);
+
+/// Samples from a prober, all together.
+fn take_together((sampled, rays): (Sampled<f64>, Counters)) -> Taking {
+    let Sampled { vectors, projections, singular } = sampled;
+    let took = Took { projections, singular, rays, seconds: 0.0 };
+    (Stretch { numbers: vectors.data, took, each: Vec::new() }, Took::default())
+}
+
+fn asks_derivatives(request: &SampleRequest) -> bool {
+    request.derivatives.contains(&true)
+}
+
 /// Samples from a pool; those that it lacks are taken one by one, so that each knows what it took, and kept there.
-fn take_pooled(
-    pool: &SamplePool,
-    prober: &Prober,
-    requests: &[SampleRequest],
-) -> Result<(Sampled<f64>, Counters, f64), String> {
+fn take_pooled(pool: &SamplePool, prober: &Prober, requests: &[SampleRequest]) -> Result<Taking, String> {
     let start = Instant::now();
-    let derived = |request: &SampleRequest| request.derivatives.contains(&true);
     let found: Vec<(Arc<Pooled>, bool)> = requests
         .par_iter()
         .map(|request| {
             let world = prober.bounds.world(request.position);
-            if let Some(known) = pool.get(world, derived(request)) {
+            if let Some(known) = pool.get(world, asks_derivatives(request)) {
                 return Ok((known, true));
             }
             let began = Instant::now();
-            let (sampled, rays) = prober.take(std::slice::from_ref(request))?;
-            let sample = Pooled {
-                numbers: sampled.vectors.data,
-                projections: sampled.projections,
-                singular: sampled.singular,
-                rays,
-                seconds: began.elapsed().as_secs_f64(),
-            };
-            Ok((Arc::new(sample), false))
+            let (Stretch { numbers, took, .. }, _) = take_together(prober.take(std::slice::from_ref(request))?);
+            let took = Took { seconds: began.elapsed().as_secs_f64(), ..took };
+            Ok((Arc::new(Pooled { numbers, took }), false))
         })
         .collect::<Result<_, String>>()?;
     // threads worked side by side: shares of the time that passed
-    let busy: f64 = found.iter().filter(|(_, known)| !known).map(|(sample, _)| sample.seconds).sum();
+    let busy: f64 = found.iter().filter(|(_, known)| !known).map(|(sample, _)| sample.took.seconds).sum();
     let share = if busy > 0.0 { start.elapsed().as_secs_f64() / busy } else { 0.0 };
-    let mut vectors = ShVectors { order: prober.order, data: Vec::new() };
-    let (mut projections, mut singular, mut rays, mut saved) = (0, 0, Counters::default(), 0.0);
+    let (mut stretch, mut saved) = (Stretch::default(), Took::default());
     for (request, (sample, known)) in requests.iter().zip(&found) {
-        vectors.data.extend_from_slice(&sample.numbers);
-        projections += sample.projections;
-        singular += sample.singular;
-        rays += sample.rays;
+        let mut took = sample.took;
         match known {
-            true => saved += sample.seconds,
+            true => saved += took,
             false => {
-                let sample = Pooled { seconds: sample.seconds * share, ..(**sample).clone() };
-                pool.keep(prober.bounds.world(request.position), derived(request), sample);
+                took.seconds *= share;
+                let world = prober.bounds.world(request.position);
+                pool.keep(world, asks_derivatives(request), Pooled { took, ..(**sample).clone() });
             }
         }
+        stretch.numbers.extend_from_slice(&sample.numbers);
+        stretch.took += took;
+        stretch.each.push(took);
     }
-    Ok((Sampled { vectors, projections, singular }, rays, saved))
+    Ok((stretch, saved))
+}
+
+/// Gives a stretch that was read from a log back to the pool from which others may want its samples.
+fn return_to_pool(pool: &SamplePool, prober: &Prober, requests: &[SampleRequest], stretch: &Stretch, stride: usize) {
+    let mut rest = &stretch.numbers[..];
+    for (request, took) in requests.iter().zip(&stretch.each) {
+        let (numbers, after) = rest.split_at(stride * request.vectors());
+        let (world, derivatives) = (prober.bounds.world(request.position), asks_derivatives(request));
+        if pool.get(world, derivatives).is_none() {
+            pool.keep(world, derivatives, Pooled { numbers: numbers.to_vec(), took: *took });
+        }
+        rest = after;
+    }
 }
 
 impl Baker<'_> {
@@ -321,17 +337,17 @@ impl Baker<'_> {
             positions.iter().map(|position| SampleRequest { position: *position, derivatives }).collect();
         let prober = self.prober;
         match self.journal.pool().filter(|_| are_poolable(prober)) {
-            Some(pool) => self.take(&requests, &|asked| take_pooled(&pool, prober, asked)),
-            None => self.take(&requests, &|asked| prober.take(asked).map(|(sampled, rays)| (sampled, rays, 0.0))),
+            Some(pool) => self.take(&requests, Some(&pool), &|asked| take_pooled(&pool, prober, asked)),
+            None => self.take(&requests, None, &|asked| prober.take(asked).map(take_together)),
         }
     }
 
-    /// Takes samples stretch by stretch; what the journal holds is not taken again. `take` says with samples and rays how many seconds it
-    /// saved by what a pool held.
+    /// Takes samples stretch by stretch; what the journal holds is not taken again, and goes to the pool as if it had been.
     fn take(
         &mut self,
         requests: &[SampleRequest],
-        take: &dyn Fn(&[SampleRequest]) -> Result<(Sampled<f64>, Counters, f64), String>,
+        pool: Option<&SamplePool>,
+        take: &dyn Fn(&[SampleRequest]) -> Result<Taking, String>,
     ) -> Result<Vec<Taken>, BakeError> {
         self.counts.taken += requests.len() as u64;
         let stride = 3 * coefficients(self.prober.order);
@@ -343,28 +359,25 @@ impl Baker<'_> {
             let stretch = match self.journal.recall(&key).filter(|stretch| stretch.numbers.len() == size) {
                 Some(stretch) => {
                     self.counts.recalled += own.len() as u64;
-                    self.earlier += stretch.seconds;
+                    self.earlier += stretch.took.seconds;
+                    if let Some(pool) = pool {
+                        return_to_pool(pool, self.prober, &own, &stretch, stride);
+                    }
                     stretch
                 }
                 None => {
                     let start = Instant::now();
-                    let (sampled, rays, saved) = take(&own).map_err(BakeError::Device)?;
-                    self.earlier += saved;
-                    let stretch = Stretch {
-                        numbers: sampled.vectors.data,
-                        projections: sampled.projections,
-                        singular: sampled.singular,
-                        rays,
-                        seconds: start.elapsed().as_secs_f64() + saved,
-                    };
-                    self.counts.traced_now += rays.rays();
+                    let (mut stretch, saved) = take(&own).map_err(BakeError::Device)?;
+                    self.earlier += saved.seconds;
+                    stretch.took.seconds = start.elapsed().as_secs_f64() + saved.seconds;
+                    self.counts.traced_now += stretch.took.rays.rays() - saved.rays.rays();
                     self.journal.note(&key, &stretch);
                     stretch
                 }
             };
-            self.counts.projections += stretch.projections;
-            self.counts.singular += stretch.singular;
-            self.counts.rays += stretch.rays;
+            self.counts.projections += stretch.took.projections;
+            self.counts.singular += stretch.took.singular;
+            self.counts.rays += stretch.took.rays;
             let mut rest = &stretch.numbers[..];
             for (index, request) in members.into_iter().zip(&own) {
                 let (data, after) = rest.split_at(stride * request.vectors());
@@ -421,9 +434,7 @@ impl Baker<'_> {
         };
         self.iteration += 1;
         let prober = self.prober;
-        let taken = self.take(&requests, &|asked| {
-            prober.take_relit(asked, &irradiance).map(|(sampled, rays)| (sampled, rays, 0.0))
-        })?;
+        let taken = self.take(&requests, None, &|asked| prober.take_relit(asked, &irradiance).map(take_together))?;
         let stride = baked.stride();
         for (index, taken) in taken.iter().enumerate() {
             baked.values.data[index * stride..(index + 1) * stride].copy_from_slice(&taken.value);
@@ -474,8 +485,11 @@ impl Baker<'_> {
         // the mean by which differences are judged
         let corners: Vec<Place> = forest.leaves().iter().flat_map(|leaf| corners_of(&forest, *leaf)).collect();
         self.ensure(corners, min_level)?;
-        self.mean = self.taken.values().map(|t| rms_over_normals(&t.value, &self.bands)).sum::<f64>()
-            / self.taken.len().max(1) as f64;
+        // in an order of their own: the same bits each time, so that a bake that goes on asks for what its log holds
+        let mut places: Vec<&Place> = self.taken.keys().collect();
+        places.sort_unstable();
+        let sizes = places.iter().map(|place| rms_over_normals(&self.taken[*place].value, &self.bands));
+        self.mean = sizes.sum::<f64>() / places.len().max(1) as f64;
 
         // divide level by level: to the end for pruning, else where a criterion says so
         let prune = heuristic.prune();

@@ -1,5 +1,6 @@
 //! What a bake has taken so far, written down as it goes, so that a bake that was killed goes on from there.
 
+use std::ops::AddAssign;
 use std::sync::Arc;
 
 use super::pool::SamplePool;
@@ -9,15 +10,32 @@ use crate::trace::Counters;
 /// Samples that are taken, and written down, at once: what a killed bake may lose, and what it holds in memory beside the volume.
 pub const STRETCH: usize = 64;
 
-/// Some samples of a bake: what they are and what they took.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Stretch {
-    /// Of each sample its value, then its derivatives; f64, so that a bake that goes on has the bits of one that was never killed.
-    pub numbers: Vec<f64>,
+/// What some samples took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Took {
     pub projections: u64,
     pub singular: u64,
     pub rays: Counters,
     pub seconds: f64,
+}
+
+impl AddAssign for Took {
+    fn add_assign(&mut self, other: Self) {
+        self.projections += other.projections;
+        self.singular += other.singular;
+        self.rays += other.rays;
+        self.seconds += other.seconds;
+    }
+}
+
+/// Some samples of a bake: what they are and what they took.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Stretch {
+    /// Of each sample its value, then its derivatives; f64, so that a bake that goes on has the bits of one that was never killed.
+    pub numbers: Vec<f64>,
+    pub took: Took,
+    /// What each took, where they were taken one by one for a pool: whoever reads the stretch again can give them back to it.
+    pub each: Vec<Took>,
 }
 
 /// What was asked for in a stretch: where, which derivatives, and how often the volume was lit again before.

@@ -24,7 +24,7 @@ pub use bake::{
 pub use cells::{Cell, Cells, Face, LEAF, Locator, NONE, Place};
 pub use config::{Bounds, Lookup, Structure, Volume, VolumeFile, VolumeSetting};
 pub use heuristic::{Criterion, Evidence, Heuristic, HeuristicFile};
-pub use journal::{Asked, Journal, NoJournal, STRETCH, Stretch, WithPool};
+pub use journal::{Asked, Journal, NoJournal, STRETCH, Stretch, Took, WithPool};
 pub use model::{Across, CellModel, VolumeModel, can_be_continuous};
 pub use overlap::{distance_to_triangle, triangle_overlaps_box};
 pub use pool::{Pooled, SamplePool};

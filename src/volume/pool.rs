@@ -6,18 +6,15 @@ use std::sync::{Arc, Mutex};
 
 use glam::DVec3;
 
-use crate::trace::Counters;
+use super::journal::Took;
 
 /// A sample with what it took, so that a bake that finds it here counts what it would have taken itself.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pooled {
     /// Value, then derivatives.
     pub numbers: Vec<f64>,
-    pub projections: u64,
-    pub singular: u64,
-    pub rays: Counters,
-    /// Its share of the seconds in which it was taken with others.
-    pub seconds: f64,
+    /// Its seconds are its share of those in which it was taken with others.
+    pub took: Took,
 }
 
 /// Numbers that a pool keeps at most, 1 GB: what comes later is taken whenever it is asked for.
