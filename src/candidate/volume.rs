@@ -102,25 +102,39 @@ fn object_vectors(baked: &BakedVolume, boxes: &[OrientedBox], at: (usize, f64)) 
 }
 
 /// Radiance vectors at an object's centre, step after step through all of its animation: by time where the volume is read by time, else
-/// at `places`; smoothed where objects read it so, a step being a frame.
-pub fn along_path(baked: &BakedVolume, places: &[DVec3], object: usize) -> Vec<Vec<f64>> {
-    let steps = places.len().saturating_sub(1).max(1) as f64;
-    let reader = (!baked.volume.is_path()).then(|| (baked.model::<f64>(), baked.vectors()));
-    let read = |(k, place): (usize, &DVec3)| match &reader {
-        None => baked.along_path(object, k as f64 / steps)[0].clone(),
-        Some((model, vectors)) => {
-            let mut sum = vec![0.0; vectors.stride()];
-            model.taps(Vector3::of(baked.bounds.local(*place)), &mut |vector, weight| {
-                sum.iter_mut().zip(vectors.vector(vector)).for_each(|(s, v)| *s += weight * v);
-            });
-            sum
+/// at `places`; smoothed where objects read it so, a step being a frame. `volumes`: one for all of the animation, or where lights move
+/// one a frame; between two frames the light goes evenly from one's to the other's, as it would in a film of many more frames.
+pub fn along_path(volumes: &[Arc<BakedVolume>], places: &[DVec3], object: usize) -> Vec<Vec<f64>> {
+    let last_step = places.len().saturating_sub(1).max(1) as f64;
+    let last_frame = volumes.len().saturating_sub(1) as f64;
+    let mut seen: Vec<Vec<f64>> = vec![Vec::new(); places.len()];
+    for (frame, baked) in volumes.iter().enumerate() {
+        let reader = (!baked.volume.is_path()).then(|| (baked.model::<f64>(), baked.vectors()));
+        for (k, (place, sum)) in places.iter().zip(&mut seen).enumerate() {
+            let time = k as f64 / last_step;
+            let share = 1.0 - (time * last_frame - frame as f64).abs();
+            if share <= 0.0 {
+                continue;
+            }
+            sum.resize(baked.stride(), 0.0);
+            match &reader {
+                None => {
+                    let [value, ..] = baked.along_path(object, time);
+                    sum.iter_mut().zip(value).for_each(|(s, v)| *s += share * v);
+                }
+                Some((model, vectors)) => {
+                    model.taps(Vector3::of(baked.bounds.local(*place)), &mut |vector, weight| {
+                        sum.iter_mut().zip(vectors.vector(vector)).for_each(|(s, v)| *s += share * weight * v);
+                    });
+                }
+            }
         }
-    };
-    let mut seen: Vec<Vec<f64>> = places.iter().enumerate().map(read).collect();
+    }
+    let smoothing = volumes.first().map_or(1.0, |baked| baked.volume.smoothing);
     for k in 1..seen.len() {
         let (before, rest) = seen.split_at_mut(k);
         for (now, last) in rest[0].iter_mut().zip(&before[k - 1]) {
-            *now = last + baked.volume.smoothing * (*now - last);
+            *now = last + smoothing * (*now - last);
         }
     }
     seen

@@ -153,7 +153,7 @@ impl Candidate {
                 _ => Value::Null,
             },
             "bakes": match self.method {
-                Method::Volume { freeze_frame: None, .. } if self.lights_move() => json!("every_frame"),
+                Method::Volume { freeze_frame: None, .. } if self.lights_move() => json!("every_frame_and_walk"),
                 _ => Value::Null,
             },
             "gradient_source": self.gradient_source,

@@ -18,22 +18,30 @@ pub struct Surrounded<'a> {
     pub transport: Option<Transport<'a>>,
 }
 
-/// The volumes of a sweep, each baked once: numbers, times and images share them, and so do the candidates that read one differently
-/// or on another backend. Volumes under the same light share the samples that stand at the same place.
+/// The volumes of a sweep, each baked once for all candidates of a scene under a layout, which may read one differently or on another
+/// backend. Volumes under the same light share the samples that stand at the same place. What another scene or layout needed is dropped
+/// when the next one comes: memory is that of one block of a sweep.
 ///
 /// Samples by rays are written down as they are taken ([`BakeLog`]), so that a sweep that was killed, and another process of this one, goes on
 /// with them. A sweep that comes to its end removes the logs.
 pub struct Bakery {
-    baked: Mutex<HashMap<Key, Result<Arc<BakedVolume>, String>>>,
-    /// Samples under one light each, whatever volume asked for them.
-    pools: Mutex<HashMap<Key, Arc<SamplePool>>>,
+    shelf: Mutex<Shelf>,
     logs: PathBuf,
+}
+
+/// What is there of a scene under a layout.
+#[derive(Default)]
+struct Shelf {
+    of: Option<Key>,
+    baked: HashMap<Key, Result<Arc<BakedVolume>, String>>,
+    /// Samples under one light each (a frame's), whatever volume asked for them.
+    pools: HashMap<Key, Arc<SamplePool>>,
 }
 
 impl Bakery {
     /// Its logs lie beside the runs of a store.
     pub fn of(store: &Store) -> Self {
-        Self { baked: Mutex::default(), pools: Mutex::default(), logs: logs(store) }
+        Self { shelf: Mutex::default(), logs: logs(store) }
     }
 
     /// Removes the logs of every bake for a store: what came of them is kept, or is not wanted any more.
@@ -59,6 +67,11 @@ impl Bakery {
         gpu: Option<&GpuBench>,
     ) -> Result<Recipe, String> {
         let Some(volume) = candidate.volume() else { return Ok(recipe) };
+        self.clear_for(Key::of(&json!([
+            candidate.scene.content,
+            candidate.lights.name(),
+            candidate.lights.layout.content
+        ])));
         let moves = candidate.lights_move();
         let wanted: Vec<usize> = match (candidate.freeze_frame(), only) {
             (Some(frame), _) => vec![frame],
@@ -75,6 +88,14 @@ impl Bakery {
             volume_every_frame: every_frame,
             ..recipe
         })
+    }
+
+    /// Drops what stands on the shelf for others.
+    fn clear_for(&self, block: Key) {
+        let mut shelf = self.shelf.lock().expect("no holder panics");
+        if shelf.of != Some(block) {
+            *shelf = Shelf { of: Some(block), ..Shelf::default() };
+        }
     }
 
     /// A candidate's volume under the lights of a frame.
@@ -101,7 +122,7 @@ impl Bakery {
             "algorithms": ALGORITHMS.candidate,
         });
         let key = Key::of(&json!([volume, light]));
-        if let Some(known) = self.baked.lock().expect("no holder panics").get(&key) {
+        if let Some(known) = self.shelf.lock().expect("no holder panics").baked.get(&key) {
             return known.clone();
         }
         let made = volume.bounds.resolve(&candidate.scene).and_then(|bounds| {
@@ -119,7 +140,7 @@ impl Bakery {
             };
             // derivatives go along the box's axes
             let under = Key::of(&json!([format!("{:?}", bounds.axes), light]));
-            let pool = self.pools.lock().expect("no holder panics").entry(under).or_default().clone();
+            let pool = self.shelf.lock().expect("no holder panics").pools.entry(under).or_default().clone();
             let mut journal = WithPool { journal: self.journal(&key, &prober), pool };
             let tracks = volume.tracks(&candidate.scene);
             bake_with(volume, &prober, &tracks, &mut journal).map(Arc::new).map_err(|error| error.to_string())
@@ -135,7 +156,7 @@ impl Bakery {
                 );
             }
         }
-        self.baked.lock().expect("no holder panics").insert(key, made.clone());
+        self.shelf.lock().expect("no holder panics").baked.insert(key, made.clone());
         made
     }
 

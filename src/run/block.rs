@@ -14,7 +14,7 @@ use crate::math::{Irradiance, Rgb};
 use crate::metric::{self, Direction, Scored};
 use crate::picture::Picture;
 use crate::reference::{self, Reference};
-use crate::scene::{Mesh, OrientedBox, PixelHit, Pixels, Scene, SurfacePoint};
+use crate::scene::{Mesh, OrientedBox, PixelHit, Pixels, Receiver, Scene, SurfacePoint};
 use crate::sh::Lobe;
 use crate::trace::{Counters, Effort, Transport};
 use crate::volume::{BakedVolume, distance_to_triangle};
@@ -44,7 +44,8 @@ pub struct Part {
     pub reference: Reference,
     /// By order: irradiance from SH that is exact at every point.
     pub truncated: BTreeMap<usize, Vec<Rgb<f64>>>,
-    /// What is true on its way through the animation, [`WALK_PLACES`] places: the mean irradiance over all normals. Empty where no one
+    /// What is true on its way through the animation, [`WALK_PLACES`] places: the mean irradiance over all normals, under the lights
+    /// of that time. Empty where no one
     /// asked, or it stands still.
     pub walk: Vec<Rgb<f64>>,
 }
@@ -121,8 +122,9 @@ pub struct BlockRequest<'a> {
     pub sampled: Option<Sampling<'a>>,
     /// Whether the reference is wanted; timing needs the points alone.
     pub reference: bool,
-    /// Whether the reference along the objects' paths is wanted.
-    pub walks: bool,
+    /// The lights along the objects' paths: one list for all of the way, or one for each of [`WALK_PLACES`]; empty where the reference
+    /// there is not wanted.
+    pub walk_lights: Vec<Vec<Light<f64>>>,
 }
 
 /// What a receiver's reference took; kept beside its values, so that one from the cache tells it too.
@@ -162,10 +164,30 @@ impl Sampling<'_> {
     }
 }
 
+/// The mean irradiance over all normals at [`WALK_PLACES`] of a receiver's path, under one list of lights or under one for each.
+fn truth_on_way(receiver: &Receiver, lights: &[Vec<Light<f64>>], sampled: Option<Sampling>) -> Vec<Rgb<f64>> {
+    // the mean over normals is what one band gives, whatever the normal
+    let places: Vec<SurfacePoint> = (0..WALK_PLACES)
+        .map(|k| SurfacePoint { position: receiver.center_along(k, WALK_PLACES), normal: glam::DVec3::Y })
+        .collect();
+    let lobe = Lobe::<f64>::lambert();
+    let effort = sampled.map(|s| s.effort());
+    let together = if lights.len() > 1 { 1 } else { WALK_PLACES };
+    let under = |(places, lights): (&[SurfacePoint], &Vec<Light<f64>>)| match (sampled, effort) {
+        (Some(s), Some(effort)) => {
+            let transport = Transport::new(s.transport.tracer(), lights, s.transport.effects());
+            reference::truncated_traced(&transport, places, &lobe, 1, s.seed, effort)
+        }
+        _ => reference::truncated(lights, places, &lobe, &[1]).remove(0),
+    };
+    places.chunks(together).zip(lights).flat_map(under).collect()
+}
+
 impl Block {
     /// Points, exact reference and truncated SH, from the cache where they are in it.
     pub fn new(request: BlockRequest, cache: &ArrayCache) -> Self {
-        let BlockRequest { scene, frame, lights, orders, image, key, sampled, reference: wanted, walks } = request;
+        let BlockRequest { scene, frame, lights, orders, image, key, sampled, reference: wanted, walk_lights } =
+            request;
         let kept = key.as_ref().and_then(|key| cache.load(key)).unwrap_or_default();
         let mut simulated: BTreeMap<usize, Simulated> = serde_json::from_value(kept.notes.clone()).unwrap_or_default();
         let mut fresh = Arrays::default();
@@ -210,24 +232,12 @@ impl Block {
                     (*order, values)
                 })
                 .collect();
-            let walk = match walks && receiver.moves() {
+            let walk = match !walk_lights.is_empty() && receiver.moves() {
                 false => Vec::new(),
-                true => known(format!("{index}.walk"), WALK_PLACES, &mut || {
-                    // the mean over normals is what one band gives, whatever the normal
-                    let places: Vec<SurfacePoint> = (0..WALK_PLACES)
-                        .map(|k| SurfacePoint {
-                            position: receiver.center_along(k, WALK_PLACES),
-                            normal: glam::DVec3::Y,
-                        })
-                        .collect();
-                    match sampled {
-                        Some(s) => {
-                            let lobe = Lobe::<f64>::lambert();
-                            reference::truncated_traced(s.transport, &places, &lobe, 1, s.seed, s.effort())
-                        }
-                        None => reference::truncated(&lights, &places, &Lobe::lambert(), &[1]).remove(0),
-                    }
-                }),
+                true => {
+                    let name = if walk_lights.len() > 1 { "walk_under_moving_lights" } else { "walk" };
+                    known(format!("{index}.{name}"), WALK_PLACES, &mut || truth_on_way(receiver, &walk_lights, sampled))
+                }
             };
             parts.push(Part {
                 walk,

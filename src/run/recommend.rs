@@ -245,7 +245,7 @@ impl Place {
                 image: None,
                 key: None,
                 sampled: None,
-                walks: false,
+                walk_lights: Vec::new(),
                 reference: true,
             },
             &ArrayCache::at(std::path::Path::new("")),

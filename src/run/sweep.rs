@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::bakery::{Bakery, Surrounded};
-use super::block::{Block, BlockRequest, Film, Findings, Sampling, View};
+use super::block::{Block, BlockRequest, Film, Findings, Sampling, View, WALK_PLACES};
 use super::crew::{Crew, CrewOptions};
 use super::progress::Progress;
 use super::slurm::SlurmOptions;
@@ -25,6 +25,7 @@ use crate::experiment::{
     TimingIdentity, Transition,
 };
 use crate::gpu::{AdapterKind, Gpu};
+use crate::light::Light;
 use crate::math::Rgb;
 use crate::metric::{flip_hdr, flip_ldr};
 use crate::picture::LayeredImage;
@@ -552,7 +553,7 @@ impl Stage {
         Surrounded { lights: &block.lights, transport }
     }
 
-    fn transport<'a>(&'a self, lights: &[crate::light::Light<f64>]) -> Transport<'a> {
+    fn transport<'a>(&'a self, lights: &[Light<f64>]) -> Transport<'a> {
         Transport::new(&self.tracer, lights, self.effects)
     }
 
@@ -603,7 +604,7 @@ impl Stage {
                             seed: experiment.seed,
                         }),
                         reference: wanted.reference,
-                        walks: wanted.walks && frame == 0,
+                        walk_lights: if wanted.walks && frame == 0 { walk_lights(candidate) } else { Vec::new() },
                     },
                     cache,
                 )
@@ -611,6 +612,12 @@ impl Stage {
             .collect();
         Film { frames }
     }
+}
+
+/// The lights along the objects' paths: one list where none moves, else one for each of the places at which the truth is found.
+fn walk_lights(candidate: &Candidate) -> Vec<Vec<Light<f64>>> {
+    let places = if candidate.lights_move() { WALK_PLACES } else { 1 };
+    (0..places).map(|k| candidate.lights.at(k, places)).collect()
 }
 
 /// Most frames of an animation of which pictures are kept.
@@ -722,9 +729,10 @@ fn keep_tables(
     film: &Film,
     store: &Store,
 ) -> Result<(), StoreError> {
-    let Some(baked) = recipe.as_ref().ok().and_then(|recipe| recipe.volume.as_ref()) else { return Ok(()) };
+    let Ok(recipe) = recipe else { return Ok(()) };
+    let Some(baked) = &recipe.volume else { return Ok(()) };
     let path = |what: &str| store.root().join(VOLUMES).join(format!("{}{what}.csv", run.identity.key().run()));
-    let walks = walk::walks(baked, &run.candidate.scene);
+    let walks = walk::walks(recipe.volumes(), &run.candidate.scene);
     if !walks.is_empty() {
         write_atomic(&path("-walk"), walk::to_csv(&walks, &film.frames[0]).as_bytes())?;
     }
@@ -746,8 +754,8 @@ fn judge(
         .cast(recipe, run.candidate.freeze_frame(), &stage.transports(film), bench)
         .map_err(|error| error.to_string())?;
     let mut findings = film.judge(recipe, &cast, stage.tracer.triangles()).map_err(|error| error.to_string())?;
-    if let Some(baked) = &recipe.volume {
-        let jump = walk::walks(baked, &run.candidate.scene).iter().map(walk::Walk::jump).reduce(f64::max);
+    if recipe.volume.is_some() {
+        let jump = walk::walks(recipe.volumes(), &run.candidate.scene).iter().map(walk::Walk::jump).reduce(f64::max);
         findings.pooled.values.extend(jump.map(|jump| ("path_jump".to_owned(), jump)));
     }
     findings.effects = stage.effects.to_string();

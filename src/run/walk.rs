@@ -1,4 +1,7 @@
-//! A slow walk along each moving object's path: what a volume gives at the object's centre, step by step, and by how much it pops.
+//! A slow walk along each moving object's path: what a volume gives at the object's centre, step by step, and by how much it pops. Where
+//! lights move, the walk takes the time of the animation: each step reads the volumes of the frames between which it falls.
+
+use std::sync::Arc;
 
 use glam::DVec3;
 
@@ -51,15 +54,15 @@ fn metres_gone(places: &[DVec3]) -> Vec<f64> {
         .collect()
 }
 
-/// The walks of the objects that move.
-pub fn walks(baked: &BakedVolume, scene: &Scene) -> Vec<Walk> {
+/// The walks of the objects that move, through one volume or through those of all frames.
+pub fn walks(volumes: &[Arc<BakedVolume>], scene: &Scene) -> Vec<Walk> {
     let bands = Lobe::<f64>::lambert().bands().to_vec();
     let movers = scene.receivers.iter().filter(|receiver| receiver.mesh.is_some()).enumerate();
     movers
         .filter(|(_, receiver)| receiver.moves())
         .map(|(object, receiver)| {
             let places: Vec<DVec3> = (0..STEPS).map(|k| receiver.center_along(k, STEPS)).collect();
-            let seen = along_path(baked, &places, object);
+            let seen = along_path(volumes, &places, object);
             let whole = seen.iter().map(|radiance| rms_over_normals(radiance, &bands)).sum::<f64>() / STEPS as f64;
             let change = |step: usize, k: usize| seen[step + 1][k] - seen[step][k];
             let pops = (0..STEPS - 1)

@@ -167,6 +167,46 @@ fn a_planted_jump_is_found_on_the_way_and_across_faces() {
     assert!(text.lines().any(|line| line.starts_with("truth,\"ball\",")));
 }
 
+/// What a walk gives where the lamp has moved by its end: the volumes of each time follow the truth, a frozen one does not.
+#[test]
+fn a_walk_under_a_moving_lamp_follows_it() {
+    let folder = project();
+    write(folder.path(), "scenes/way.toml", &WAY.replace("frames = 2", "frames = 17"));
+    write(
+        folder.path(),
+        "scenes/lights/moving.toml",
+        "schema_version = 1\n[[light]]\nname = \"a\"\nsphere = { center = [0, 2, 0], radius = 0.3, radiance = [3, 2, 1] }\n\
+         path = { points = [[-2, 2, 0], [2, 2, 0]] }\n",
+    );
+    let grid = "grid = { bounds = \"volume\", samples = [9, 5, 5] }";
+    let frozen = format!("{grid}\nfreeze_frame = 0");
+    let path = experiment(folder.path(), "way", "moving", &[("follows", grid), ("frozen", &frozen)], "");
+    let (code, _, said) = rigbench_does(folder.path(), &["run", &path]);
+    assert_eq!(code, 0, "{said}");
+    let rows = results(folder.path());
+    let off = |rig: &str| -> f64 {
+        let walk = folder.path().join(format!("results/volumes/volumes/{}-walk.csv", rows[rig]["run"]));
+        let mut reader = csv::Reader::from_path(walk).unwrap();
+        let table: Vec<BTreeMap<String, String>> = reader.deserialize().map(|row| row.unwrap()).collect();
+        let of = |kind: &str| -> Vec<(f64, f64)> {
+            let rows = table.iter().filter(|row| row["kind"] == kind);
+            rows.map(|row| (number(row, "metres"), number(row, "level"))).collect()
+        };
+        let (walk, truth) = (of("volume"), of("truth"));
+        let errors = truth.iter().map(|(metres, level)| {
+            let at = walk.iter().min_by(|a, b| (a.0 - metres).abs().total_cmp(&(b.0 - metres).abs())).unwrap();
+            (at.1 / level - 1.0).abs()
+        });
+        errors.fold(0.0, f64::max)
+    };
+    println!("{} and {}", off("follows"), off("frozen"));
+    assert!(off("follows") < 0.03, "{}", off("follows"));
+    assert!(off("frozen") > 0.3, "{}", off("frozen"));
+    // it moves evenly: nothing pops
+    assert!(number(&rows["follows"], "path_jump") < 2e-3, "{}", rows["follows"]["path_jump"]);
+    assert_eq!((number(&rows["follows"], "bakes"), number(&rows["frozen"], "bakes")), (17.0, 1.0));
+}
+
 #[test]
 fn bad_volumes_are_told_before_anything_runs() {
     let folder = project();

@@ -230,7 +230,9 @@ fn smoothing_spreads_a_step_over_frames() {
     let volume = filled(baked(&table), |p| if p.x > 0.0 { 5.0 } else { 1.0 }, |_| DVec3::ZERO);
     let centre = volume.bounds.center;
     let places: Vec<DVec3> = (0..20).map(|k| centre + DVec3::X * (0.1 * f64::from(k) - 0.95)).collect();
-    let seen = along_path(&volume, &places, 0);
+    let volumes = [Arc::new(volume)];
+    let seen = along_path(&volumes, &places, 0);
+    let [volume] = volumes;
     let first = places.iter().position(|p| p.x > centre.x).unwrap();
     for (k, vector) in seen.iter().enumerate() {
         let left = if k < first { 1.0 } else { (1.0f64 - smoothing).powi((k - first + 1) as i32) };
@@ -246,6 +248,21 @@ fn smoothing_spreads_a_step_over_frames() {
     let e = irradiance(&volume, object(&now), reading, &[point])[0];
     let expected = of_field(seen[first + 2][0], DVec3::Y);
     assert!((e.g - expected).abs() < 1e-10, "{} for {expected}", e.g);
+}
+
+/// Where lights move a walk reads the volumes of its time, evenly from frame to frame.
+#[test]
+fn a_walk_goes_with_the_time_of_moving_lights() {
+    let table = format!("grid = {{ {BOX}, samples = [2, 2, 2] }}");
+    let volumes = [1.0, 3.0, 2.0].map(|field| Arc::new(filled(baked(&table), |_| field, |_| DVec3::ZERO)));
+    let centre = volumes[0].bounds.center;
+    let places: Vec<DVec3> = (0..41).map(|k| centre + DVec3::X * (0.04 * f64::from(k) - 0.8)).collect();
+    let seen = along_path(&volumes, &places, 0);
+    for (k, vector) in seen.iter().enumerate() {
+        let expected = if k <= 20 { 1.0 + k as f64 / 10.0 } else { 3.0 - (k - 20) as f64 / 20.0 };
+        assert!((vector[0] - expected).abs() < 1e-12, "{k}: {} for {expected}", vector[0]);
+    }
+    assert!(along_path(&volumes[..1], &places, 0).iter().all(|vector| (vector[0] - 1.0).abs() < 1e-12));
 }
 
 /// The registers' sums against the plain loop, and a grid as cells against the grid.
