@@ -499,6 +499,20 @@ max = 0.05
             "unknown probe source `capture`",
             "`captured`",
         ),
+        (
+            "[window.soft]",
+            "[probe_source.p]\nrelit = { iterations = 2, on = \"gpu\" }\n[window.soft]",
+            "on = ",
+            "unknown field `on`, expected `face` or `iterations`",
+            "",
+        ),
+        (
+            "[window.soft]",
+            "[probe_source.p]\ncaptured = { on = \"gppu\" }\n[window.soft]",
+            "\"gppu\"",
+            "expected `cpu` or `gpu`",
+            "`gpu`",
+        ),
         // light models, transitions, frames, studies
         (
             "[window.soft]",

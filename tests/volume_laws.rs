@@ -14,7 +14,7 @@ use rigbench::math::{Rgb, Stream, StreamPurpose, Vector3};
 use rigbench::probe::{GradientSource, Prober, Probes, SampleRequest, depths, texels};
 use rigbench::rig::{RigModel, ShVectors};
 use rigbench::run::BakeLog;
-use rigbench::scene::OrientedBox;
+use rigbench::scene::{OrientedBox, SurfacePoint};
 use rigbench::sh::Window;
 use rigbench::trace::{Bounces, Effects, Effort, TracedGeometry, TracedMaterial, Tracer, Transport};
 use rigbench::volume::{
@@ -590,6 +590,86 @@ fn each_iteration_of_a_dynamic_volume_adds_a_bounce() {
     }
 }
 
+/// A closed room like the Cornell box, walls of three colours and a panel that glows under its ceiling; `twice`: each albedo is squared.
+fn cornell(twice: bool) -> TracedGeometry {
+    let wall = |r: f64, g: f64, b: f64| {
+        let albedo = Rgb::new(r, g, b);
+        TracedMaterial { albedo: if twice { albedo * albedo } else { albedo }, emission: Rgb::zero() }
+    };
+    let mut room = TracedGeometry::default();
+    let (x, y, z) = (DVec3::X * 1.5, DVec3::Y * 1.2, DVec3::Z * 1.6);
+    for (material, out, u, v) in [
+        (wall(0.7, 0.2, 0.4), -x, y, z),
+        (wall(0.2, 0.7, 0.4), x, z, y),
+        (wall(0.6, 0.6, 0.6), -y, z, x),
+        (wall(0.6, 0.6, 0.6), y, x, z),
+        (wall(0.6, 0.6, 0.6), -z, x, y),
+        (wall(0.6, 0.6, 0.6), z, y, x),
+    ] {
+        room.add_quad(material, out, u, v);
+    }
+    let panel = TracedMaterial { albedo: Rgb::zero(), emission: Rgb::splat(5.0) };
+    room.add_quad(panel, DVec3::Y * 1.15, DVec3::X * 0.5, DVec3::Z * 0.5);
+    room
+}
+
+/// Iterated volumes in a closed room: light grows from iteration to iteration, by steps that shrink as the room's walls reflect, to what
+/// paths say.
+#[test]
+fn iterations_of_a_dynamic_volume_converge_to_what_is_traced() {
+    let table = "grid = { bounds = { min = [-1.45, -1.15, -1.55], max = [1.45, 1.1, 1.55] }, samples = [5, 5, 6] }";
+    let volume = Volume::inline(table).unwrap();
+    let bounds = OrientedBox::aligned(DVec3::new(-1.45, -1.15, -1.55), DVec3::new(1.45, 1.1, 1.55));
+    // interior places, six normals each
+    let points: Vec<SurfacePoint> = places(6, [0.9, 0.7, 1.0])
+        .flat_map(|p| DVec3::AXES.into_iter().flat_map(move |n| [n, -n].map(|normal| (p, normal))))
+        .map(|(p, normal)| SurfacePoint { position: p - DVec3::Y * 0.1, normal })
+        .collect();
+    let of_points = |room: &TracedGeometry, iterations: u32| -> Vec<Rgb<f64>> {
+        let tracer = Tracer::new(room);
+        let transport = Transport::new(&tracer, &[], Effects::bounces(Bounces::Infinite));
+        let probes = Probes::Relit { face: 8, iterations, seed: 1 };
+        let baked = bake(&volume, &Prober { bounds, ..prober(&[], Some(&transport), probes) }).unwrap();
+        let vectors = baked.vectors().convolved(rigbench::sh::Lobe::<f64>::lambert().bands());
+        let mut local = rigbench::rig::LocalPoints::<f64>::default();
+        points.iter().for_each(|p| local.push(bounds.local(p.position), p.normal));
+        let mut out = vec![Rgb::zero(); points.len()];
+        rigbench::rig::plain_irradiance::<f64, _, 9>(&baked.model::<f64>(), &vectors, &local, &mut out);
+        out
+    };
+    let truth: Vec<Rgb<f64>> = {
+        let tracer = Tracer::new(&cornell(false));
+        let transport = Transport::new(&tracer, &[], Effects::bounces(Bounces::Infinite));
+        let seed = rigbench::trace::Seed { seed: 7, purpose: StreamPurpose::Test };
+        let lobe = rigbench::sh::Lobe::lambert();
+        transport.irradiance(&points, &lobe, seed, Effort::Samples(4096)).iter().map(|e| e.value).collect()
+    };
+    let rms = |v: &[Rgb<f64>]| (v.iter().map(|e| e.g * e.g).sum::<f64>() / v.len() as f64).sqrt();
+    let apart = |a: &[Rgb<f64>], b: &[Rgb<f64>]| rms(&a.iter().zip(b).map(|(a, b)| *a - *b).collect::<Vec<_>>());
+    // green, by area: four walls of 0.6, one of 0.2 and one of 0.7 (the panel hides a little of the ceiling)
+    let (side, end, floor) = (2.4 * 3.2, 3.0 * 2.4, 3.0 * 3.2);
+    let mean_albedo = (0.6 * 2.0 * (end + floor) + (0.2 + 0.7) * side) / (2.0 * (side + end + floor));
+    // errors of the ratio of the steps to the mean albedo, and of what is reached to the truth; whether light grows everywhere
+    let judge = |room: &TracedGeometry| {
+        let iterations: Vec<Vec<Rgb<f64>>> = (0..6).map(|k| of_points(room, k)).collect();
+        let steps: Vec<f64> = iterations.windows(2).map(|pair| apart(&pair[1], &pair[0])).collect();
+        let ratios: Vec<f64> = steps.windows(2).map(|pair| pair[1] / pair[0]).collect();
+        let grows = iterations.windows(2).all(|pair| pair[0].iter().zip(&pair[1]).all(|(a, b)| b.g > a.g));
+        let converged = of_points(room, 16);
+        let left = iterations.iter().map(|k| apart(k, &converged)).collect::<Vec<f64>>();
+        let nearer = left.windows(2).all(|pair| pair[1] < pair[0]);
+        let error = apart(&converged, &truth) / rms(&truth);
+        println!("ratios {ratios:?} for {mean_albedo}, error {error}, grows {grows}, nearer {nearer}");
+        // the first steps are still those of the panel's own light, which falls on the floor most
+        let off = ratios[1..].iter().map(|ratio| (ratio / mean_albedo - 1.0).abs()).fold(0.0, f64::max);
+        (off, error, grows && nearer)
+    };
+    let (off, error, grows) = judge(&cornell(false));
+    assert!(grows && off < 0.1 && error < 0.15, "ratios off by {off}, error {error}");
+    let (off, error, _) = judge(&cornell(true));
+    assert!(off > 0.2 && error > 0.2, "the albedo used twice: ratios off by {off}, error {error}");
+}
+
 #[test]
 fn a_path_is_read_by_time() {
     let lights = lights();
@@ -676,6 +756,58 @@ fn a_bake_that_was_cut_short_goes_on_with_what_its_log_holds() {
         assert_eq!(other.counts.recalled, 0);
         assert_ne!(other.values, whole.values);
     }
+}
+
+/// Volumes of one sweep share samples. Killed while the second is baked, the sweep goes on with what either log holds: what the first one's
+/// has is not traced again for the second, wherever that one's log ends.
+#[test]
+fn of_two_volumes_that_were_cut_short_nothing_is_traced_again_that_a_log_holds() {
+    let tracer = Tracer::new(&block());
+    let lights = lights();
+    let transport = Transport::new(&tracer, &lights, Effects::bounces(Bounces::Count(1)));
+    let around = prober(&lights, Some(&transport), Probes::Traced { effort: Effort::Samples(24), seed: 3 });
+    let tables = [
+        format!("grid = {{ {BOX}, samples = [5, 5, 5] }}"),
+        format!("octree = {{ {BOX}, min_level = 1, max_level = 3, heuristic = \"contains_geometry\" }}"),
+    ];
+    let key = |table: &str| Key::of_bytes(table.as_bytes());
+    let sweep = |folder: &std::path::Path| {
+        let pool = std::sync::Arc::new(SamplePool::default());
+        tables.each_ref().map(|table| {
+            let log = Box::new(BakeLog::open(folder, &key(table)).unwrap());
+            let mut journal = WithPool { journal: log, pool: pool.clone() };
+            let volume = Volume::inline(table).unwrap();
+            let baked = bake_with(&volume, &around, &[], &mut journal).unwrap();
+            let BakeCounts { recalled, traced_now, .. } = baked.counts;
+            let counts = BakeCounts { recalled: 0, traced_now: 0, seconds: 0.0, ..baked.counts };
+            (BakedVolume { counts, ..baked }, recalled, traced_now)
+        })
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let [first, second] = sweep(folder.path());
+    let alone = second.0.counts.rays.rays();
+    assert!(first.2 == first.0.counts.rays.rays() && second.2 < alone * 3 / 4, "{} of {alone} rays", second.2);
+    let log = folder.path().join(format!("{}.samples", key(&tables[1]).hex()));
+    let bytes = std::fs::read(&log).unwrap();
+    let mut stream = Stream::indexed(3, StreamPurpose::Test, 9);
+    let mut cuts: Vec<usize> = (0..5).map(|_| (stream.uniform() * bytes.len() as f64) as usize).collect();
+    cuts.extend([0, bytes.len()]);
+    cuts.sort_unstable();
+    let mut most = second.2;
+    for cut in cuts {
+        std::fs::write(&log, &bytes[..cut]).unwrap();
+        let [again_first, again] = sweep(folder.path());
+        assert_eq!((&again_first.0, again_first.1, again_first.2), (&first.0, first.0.counts.taken, 0), "cut at {cut}");
+        assert_eq!(again.0, second.0, "cut at {cut}");
+        assert!(again.2 <= most, "cut at {cut}: {} rays, {most} where less was there", again.2);
+        if cut == 0 || cut == bytes.len() {
+            assert_eq!(again.2, if cut == 0 { second.2 } else { 0 }, "cut at {cut}");
+        }
+        most = again.2;
+    }
+    // without logs it is what it was
+    std::fs::remove_dir_all(folder.path()).unwrap();
+    assert_eq!(sweep(folder.path())[1].2, second.2);
 }
 
 /// 1/distance has no bound where a sample touches a surface: such terms are left out.
