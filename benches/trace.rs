@@ -1,6 +1,6 @@
 //! What the path tracer makes of obvhs: its rays with all shading against a bare replay of the same rays, two cores against one, and
-//! the projection with gradients against the rays that it comes from. `cargo bench --bench trace`. Ratios within one run;
-//! measurements that are compared take turns.
+//! the projection with gradients against the rays that it comes from; and probes by the GPU, traced and captured, beside the CPU's.
+//! `cargo bench --bench trace`. Ratios within one run; measurements that are compared take turns.
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -11,12 +11,15 @@ use obvhs::cwbvh::builder::build_cwbvh_from_tris;
 use obvhs::ray::{Ray, RayHit};
 use obvhs::rt_triangle::RtTriangle;
 use obvhs::triangle::Triangle;
+use rigbench::gpu::{AdapterKind, CubeCapturer, Gpu, GpuError, ProbeTracer};
 use rigbench::light::{Light, Sphere};
 use rigbench::math::{Rgb, Stream, StreamPurpose, Vector3};
+use rigbench::probe::{CaptureTask, texels};
 use rigbench::scene::SurfacePoint;
 use rigbench::sh::Lobe;
 use rigbench::trace::{
-    Bounces, CastRay, Counters, Effects, Effort, Seed, TracedGeometry, TracedMaterial, Tracer, Transport, Visibility,
+    Bounces, CapturePlace, CastRay, Counters, Effects, Effort, Reflected, Seed, TracedGeometry, TracedMaterial, Tracer,
+    Transport, Visibility,
 };
 
 const SEED: Seed = Seed { seed: 1, purpose: StreamPurpose::Test };
@@ -159,6 +162,59 @@ fn holds(what: &str, ratio: f64, asked: f64, at_least: bool) -> bool {
     good
 }
 
+/// Probes of order 3 with gradients by the GPU, and by all cores of the CPU: paths traced, and texels of cube maps with the paths behind
+/// them. Wall times of all that a bake waits for; nothing is asked of them.
+fn probes_on_the_gpu(gpu: &Gpu, transport: &Transport, places: &[DVec3]) -> Result<(), GpuError> {
+    const PATHS: u64 = 512;
+    const TASK: CaptureTask = CaptureTask { face: 16, paths: 2, order: 3, gradient: true };
+    let adapter = gpu.adapter().label();
+    let cores = rayon::current_num_threads();
+    let shortest = |work: &mut dyn FnMut() -> Result<Counters, GpuError>| -> Result<(f64, Counters), GpuError> {
+        let mut counters = work()?;
+        let mut best = f64::INFINITY;
+        for _ in 0..3 {
+            let start = Instant::now();
+            counters = work()?;
+            best = best.min(start.elapsed().as_secs_f64());
+        }
+        Ok((best, counters))
+    };
+    let line = |what: &str, by: &str, count: f64, unit: &str, (seconds, counters): (f64, Counters)| {
+        println!(
+            "{what} by {by}: {:.3} million {unit} a second, {:.2} million rays a second",
+            count / seconds / 1e6,
+            counters.rays() as f64 / seconds / 1e6
+        );
+    };
+    let tracer = ProbeTracer::of_transport(gpu, transport, 1)?;
+    let paths = places.len() as f64 * PATHS as f64;
+    let effort = Effort::Samples(PATHS);
+    let on_gpu = shortest(&mut || {
+        Ok(tracer.trace(places, TASK.order, true, effort)?.iter().map(|estimate| estimate.light.counters).sum())
+    })?;
+    let on_cpu = shortest(&mut || {
+        Ok(transport.projection(places, TASK.order, true, SEED, effort).iter().map(|estimate| estimate.counters).sum())
+    })?;
+    line("probes traced", &adapter, paths, "paths", on_gpu);
+    line("probes traced", &format!("{cores} cores"), paths, "paths", on_cpu);
+
+    let capturer = CubeCapturer::new(gpu, transport, 1)?;
+    let places: Vec<CapturePlace> =
+        places.iter().map(|place| CapturePlace { position: *place, numbers_of: *place }).collect();
+    let directions: Vec<(DVec3, f64)> =
+        texels(TASK.face as usize).iter().map(|texel| (texel.direction, texel.solid_angle)).collect();
+    let count = (places.len() * directions.len()) as f64;
+    let on_gpu = shortest(&mut || Ok(capturer.capture(&places, TASK)?.iter().map(|capture| capture.counters).sum()))?;
+    let on_cpu = shortest(&mut || {
+        let reflected = Reflected::Paths(TASK.paths);
+        let captures = transport.capture(&places, &directions, TASK.order, TASK.gradient, reflected, SEED);
+        Ok(captures.iter().map(|capture| capture.counters).sum())
+    })?;
+    line("probes captured", &adapter, count, "texels", on_gpu);
+    line("probes captured", &format!("{cores} cores"), count, "texels", on_cpu);
+    Ok(())
+}
+
 fn main() {
     let geometry = scene();
     println!("{} triangles", geometry.triangles.len());
@@ -232,5 +288,14 @@ fn main() {
     };
     let [one, two] = [1, 2].map(|threads| wall(ROUNDS / 4, threads, &all));
     all_hold &= holds("two cores over one (a quiet machine)", one / two, 1.8, true);
+    match Gpu::open(AdapterKind::Any) {
+        Ok(gpu) => {
+            if let Err(error) = probes_on_the_gpu(&gpu, &transport, &places) {
+                println!("probes by the GPU: MISSED: {error}");
+                all_hold = false;
+            }
+        }
+        Err(error) => println!("probes by the GPU: SKIPPED: {error}"),
+    }
     std::process::exit(i32::from(!all_hold));
 }
