@@ -59,7 +59,7 @@ impl Check {
             let mut accepted = baseline.take().unwrap_or_else(|| Baseline::empty(&law.name));
             let before = gate::check(&stored, law.thresholds(), Some(&accepted), options);
             let reason = self.reason.as_deref().unwrap_or_default();
-            let changed = gate::accept(&mut accepted, &stored, &before, reason);
+            let changed = gate::accept(&mut accepted, &stored, &before, reason, law.settings.times);
             if changed > 0 {
                 write_atomic(&path, &accepted.to_json())?;
             }

@@ -47,6 +47,8 @@ pub struct CheckSettings {
     pub cost: f64,
     /// Factor by which a rounding error of hard cases may grow.
     pub error: f64,
+    /// Whether a baseline holds times.
+    pub times: bool,
 }
 
 #[derive(Debug, Deserialize)]
@@ -77,6 +79,7 @@ pub struct SlurmFile {
 pub struct CheckFile {
     quality: Option<Spanned<Finite>>,
     cost: Option<Spanned<Finite>>,
+    times: Option<bool>,
 }
 
 fn positive(source: &Source, value: Option<&Spanned<Finite>>, what: &str, absent: f64) -> Result<f64, InputError> {
@@ -144,7 +147,7 @@ impl SlurmSettings {
 
 impl Default for CheckSettings {
     fn default() -> Self {
-        Self { quality: 1e-4, cost: 1.25, error: 4.0 }
+        Self { quality: 1e-4, cost: 1.25, error: 4.0, times: true }
     }
 }
 
@@ -154,6 +157,7 @@ impl CheckSettings {
         let settings = Self {
             quality: positive(source, file.and_then(|f| f.quality.as_ref()), "quality", 1e-4)?,
             cost: positive(source, cost, "cost", 1.25)?,
+            times: file.and_then(|f| f.times).unwrap_or(true),
             ..Self::default()
         };
         match cost {
@@ -166,9 +170,14 @@ impl CheckSettings {
     }
 
     pub fn schema() -> Value {
-        use schema::{above, default, described, optional, table};
+        use schema::{above, default, described, flag, optional, table};
         let quality = described(above(0.0), "relative change of a deterministic value that is forgiven");
         let cost = described(above(1.0), "factor by which a time may grow against the others of its scene and lights");
-        table([optional("quality", default(quality, 1e-4)), optional("cost", default(cost, 1.25))])
+        let times = described(flag(), "whether a baseline holds times; without, `per` thresholds still do");
+        table([
+            optional("quality", default(quality, 1e-4)),
+            optional("cost", default(cost, 1.25)),
+            optional("times", default(times, true)),
+        ])
     }
 }

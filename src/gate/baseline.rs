@@ -79,8 +79,8 @@ impl Baseline {
 }
 
 impl BaselineRow {
-    pub fn of(row: &StoredRow, kind: ResultKind) -> Self {
-        let times = TIMES.iter().filter_map(|column| {
+    pub fn of(row: &StoredRow, kind: ResultKind, with_times: bool) -> Self {
+        let times = TIMES.iter().filter(|_| with_times).filter_map(|column| {
             let estimate = Estimate::of(row.samples(column)?)?;
             let (low, high) = estimate.interval?;
             Some(((*column).to_owned(), [estimate.value, low, high]))
@@ -108,15 +108,18 @@ pub fn adapter_of(row: &StoredRow) -> Option<&str> {
     (row.text("backend") == "gpu").then(|| row.text("adapter"))
 }
 
-/// Takes over what failed and nothing else: values that got worse, rows that are new, rows that are gone. Gives how many it changed.
-pub fn accept(baseline: &mut Baseline, stored: &Stored, checks: &[Check], reason: &str) -> usize {
+/// Takes over what failed and nothing else: values that got worse, rows that are new (their times only `with_times`), rows that are gone. Gives
+/// how many it changed.
+pub fn accept(baseline: &mut Baseline, stored: &Stored, checks: &[Check], reason: &str, with_times: bool) -> usize {
     let mut changed = 0;
     let mut gone: Vec<usize> = Vec::new();
     for check in checks.iter().filter(|check| matches!(check.verdict, Verdict::Failed | Verdict::Unknown)) {
         let row = check.row.map(|row| &stored.rows[row]);
         match (&check.kind, check.baseline_row, row) {
             (Kind::Presence, Some(index), None) => gone.push(index),
-            (Kind::Presence, None, Some(row)) if row.is_ok() => baseline.rows.push(BaselineRow::of(row, stored.kind)),
+            (Kind::Presence, None, Some(row)) if row.is_ok() => {
+                baseline.rows.push(BaselineRow::of(row, stored.kind, with_times))
+            }
             (Kind::Quality, Some(index), Some(row)) => {
                 let held = &mut baseline.rows[index];
                 for column in [check.metric.clone(), format!("{}_se", check.metric)] {

@@ -408,7 +408,9 @@ fn against_baseline(
             all.push(check);
         }
     }
-    cost(stored, names, baseline, &pairs, settings, all);
+    if settings.times {
+        cost(stored, names, baseline, &pairs, settings, all);
+    }
 }
 
 /// Rounding that is forgiven beside the relative change, in the unit of the column: sixteen times the rounding of f32 against the reference.

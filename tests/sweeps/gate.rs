@@ -173,6 +173,26 @@ fn sabotaged_runs_fail_and_accepting_takes_over_what_failed_alone() {
 }
 
 #[test]
+fn a_baseline_may_leave_times_out() {
+    let folder = accepted();
+    let at = folder.path();
+    let path = at.join("experiments/small.toml");
+    let baseline = at.join("results/baselines/small.json");
+    let has_times = || std::fs::read_to_string(&baseline).unwrap().contains("eval_ns_per_point");
+    assert!(has_times());
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, format!("{text}\n[check]\ntimes = false\n")).unwrap();
+    let (exit, out, log) = check(at, &[]);
+    assert!(exit == 0 && !out.contains("cost: ") && out.contains("quality: nrmse"), "{out}{log}");
+    std::fs::remove_file(&baseline).unwrap();
+    assert_eq!(check(at, &["--accept", "--reason", "values alone"]).0, 0);
+    assert!(!has_times());
+    std::fs::write(&path, text).unwrap();
+    let (exit, out, _) = check(at, &[]);
+    assert!(exit == 0 && !out.contains("cost: "), "there is nothing to hold times against: {out}");
+}
+
+#[test]
 fn what_is_gone_new_empty_or_better_is_told_apart() {
     let folder = accepted();
     let at = folder.path();
@@ -500,7 +520,7 @@ fn noise_is_rarely_a_regression_and_a_factor_of_two_nearly_always() {
         for _ in 0..trials {
             let before = block(1.0);
             let mut baseline = Baseline::empty("e");
-            baseline.rows.extend(before.rows.iter().map(|row| BaselineRow::of(row, before.kind)));
+            baseline.rows.extend(before.rows.iter().map(|row| BaselineRow::of(row, before.kind, true)));
             let checks = rigbench::gate::check(&block(slow), Thresholds::OfRuns(&[]), Some(&baseline), options);
             let costs = checks.iter().filter(|check| check.kind == Kind::Cost);
             for check in costs.filter(|check| check.verdict == Verdict::Failed) {
