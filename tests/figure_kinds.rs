@@ -48,7 +48,7 @@ fn a_misplaced_text_is_seen() {
     let mut drawing = Drawing::new(200.0, 100.0, "");
     drawing.text([10.0, 50.0], "lattice", 12.0, INK, Anchor::Start);
     drawing.text([10.0, 70.0], "mixed", 12.0, INK, Anchor::Start);
-    let mut figure = Figure { drawing, data: Table::new(&["a"]) };
+    let mut figure = Figure::new(drawing, Table::new(&["a"]));
     assert!(misplaced(&figure).is_empty());
     figure.drawing.text([30.0, 52.0], "gradient", 12.0, INK, Anchor::Start);
     figure.drawing.text([180.0, 90.0], "constant", 12.0, INK, Anchor::Start);

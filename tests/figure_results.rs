@@ -308,7 +308,22 @@ fn figures_of_volumes() {
     }
     // bytes of the published example, and the smallest tree that errs no more than the largest grid
     let sizes = String::from_utf8(read(folder.path(), "sizes-room-dark-cpu", "csv")).unwrap();
-    assert!(sizes.contains("~2 MB") && sizes.contains("~8.2 MB"), "{sizes}");
+    let published: Vec<(String, f64, f64)> = Table::parse(&sizes)
+        .unwrap()
+        .rows()
+        .filter_map(|r| Some((r.text("order").to_owned(), r.number("samples_bytes")?, r.number("published_bytes")?)))
+        .collect();
+    // 9 or 36 coefficients, each with three derivatives, of three channels, four bytes each
+    let counted = |coefficients: f64| coefficients * (1.0 + 3.0) * 3.0 * 4.0 * 4913.0;
+    assert_eq!(published, [("3".to_owned(), counted(9.0), 2.0e6), ("6".to_owned(), counted(36.0), 8.2e6)]);
+    let latex = String::from_utf8(read(folder.path(), "sizes-room-dark-cpu", "tex")).unwrap();
+    assert!(latex.contains("2.12 MB") && latex.contains("$\\approx$ 8.2 MB"), "{latex}");
+    let captions = std::fs::read_to_string(folder.path().join("figures/figures.tex")).unwrap();
+    assert!(captions.contains("\\input{sizes-room-dark-cpu.tex}"), "{captions}");
+    // a table that lost its LaTeX is drawn again
+    std::fs::remove_file(folder.path().join("figures/sizes-room-dark-cpu.tex")).unwrap();
+    figures_of(&Table::parse(&text).unwrap(), folder.path()).unwrap();
+    assert_eq!(String::from_utf8(read(folder.path(), "sizes-room-dark-cpu", "tex")).unwrap(), latex);
     assert!(!names.iter().any(|name| name == "sizes-room-lamp-cpu"), "one order has no table of sizes");
     // costs of volumes stand in the place of those of rigs
     let front = String::from_utf8(read(folder.path(), "front-nrmse-room-lamp-cpu", "csv")).unwrap();

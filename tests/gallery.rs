@@ -54,11 +54,15 @@ fn one_changed_byte_is_seen() {
     std::fs::write(figures.join("new.csv"), "a\n1\n").unwrap();
     std::fs::write(figures.join("new.png"), "picture").unwrap();
     let target = folder.path().join("gallery");
+    let why = keep(&figures, "new", &target, "").unwrap_err().to_string();
+    assert!(why.contains("new.svg"), "a figure comes in all its forms: {why}");
+    std::fs::write(figures.join("new.svg"), "<svg/>").unwrap();
+    std::fs::write(figures.join("new.tex"), "a & b").unwrap();
     keep(&figures, "new", &target, "rigbench run x.toml").unwrap();
     assert_eq!(complaints(&target).unwrap(), [""; 0]);
     refresh(&target).unwrap();
     let manifest = manifest(&target).unwrap();
     assert_eq!(manifest["new"].command, "rigbench run x.toml");
-    assert_eq!(manifest["new"].files.len(), 2);
+    assert_eq!(manifest["new"].files.keys().collect::<Vec<_>>(), ["csv", "png", "svg", "tex"]);
     assert!(keep(&figures, "absent", &target, "").is_err());
 }

@@ -2,7 +2,11 @@
 
 #[path = "report/browser.rs"]
 mod browser;
+#[path = "report/figures.rs"]
+mod figures;
 mod folder;
+#[path = "report/volumes.rs"]
+mod volumes;
 
 use std::path::{Path, PathBuf};
 
@@ -606,4 +610,81 @@ fn a_report_needs_results_and_copes_with_poor_ones() {
     browser.wait_for("document.getElementById('run').dataset.run === '00000000000b'");
     assert_eq!(browser.evaluate("document.querySelectorAll('#run tbody tr').length"), json!(3));
     assert_eq!(browser.complaints(), [""; 0]);
+}
+
+#[test]
+fn volumes_are_shown_in_figures_and_report() {
+    let folder = volumes::project();
+    let results = folder.path().join("results/volumes");
+    let names = figures::complete(&results);
+    for kind in [
+        "front-nrmse-",
+        "front-interpolation_nrmse-",
+        "split-",
+        "overview-",
+        "volumes-",
+        "walks-",
+        "pops-",
+        "places-",
+        "by-distance-",
+        "savings-",
+        "frames-",
+        "contact-sheet-",
+        "strip-",
+        "cosine-by-order",
+    ] {
+        assert!(names.iter().any(|name| name.starts_with(kind)), "no {kind} among {names:?}");
+    }
+    let Some(mut browser) = Browser::start() else { return };
+    let b = &mut browser;
+    figures::look_alike(b, &results, &names);
+
+    b.open(&format!("file://{}", results.join("report.html").display()));
+    b.screenshot("volumes-light");
+    assert_eq!(b.faint_texts(), [""; 0]);
+    // a tree, by keyboard
+    let table = Table::read(&results.join("results.csv")).unwrap();
+    let tree = table.rows().find(|r| (r.text("rig"), r.text("heuristic")) == ("tree", "fine")).unwrap();
+    let run = tree.text("run");
+    b.evaluate(&format!("document.querySelector(\"tr[data-run='{run}'] a\").focus()"));
+    b.press("Enter", 13);
+    b.wait_for(&format!("document.getElementById('run').dataset.run === '{run}'"));
+    b.wait_for("document.activeElement.closest('#run')");
+    // its structure: what the file of its cut holds, inside its frame
+    let cut = Table::read(&results.join(format!("volumes/{run}.csv"))).unwrap();
+    let count = |kinds: &[&str]| cut.rows().filter(|r| kinds.contains(&r.text("kind"))).count();
+    let says = b.evaluate("document.querySelector('#run .structure').getAttribute('aria-label')");
+    let expected = format!("Cut at half height, seen from above: {} samples", count(&["sample", "inside"]));
+    assert_eq!(says, json!(expected));
+    let moves = b.evaluate(
+        "Object.fromEntries([...document.querySelectorAll('#run .structure path')].map((p) => [p.getAttribute('class'), p.getAttribute('d').split('M').length - 1]))",
+    );
+    for kind in ["cell", "wall", "sample", "inside"] {
+        let there = moves.get(kind).map_or(0, |n| n.as_u64().unwrap() as usize);
+        assert_eq!(there, count(&[kind]), "{kind} of {moves}");
+    }
+    let outside = b.evaluate(
+        "(() => { const s = document.querySelector('#run .structure'), f = s.viewBox.baseVal; return [...s.querySelectorAll('path')].filter((p) => { const g = p.getBBox();\
+         return g.x < f.x || g.y < f.y || g.x + g.width > f.x + f.width || g.y + g.height > f.y + f.height; }).length; })()",
+    );
+    assert_eq!(outside, json!(0));
+    // shares are told as such, whatever the column
+    let told = b.evaluate(
+        "Object.fromEntries([...document.querySelectorAll('#run dt')].map((t) => [t.textContent, t.nextElementSibling.textContent]))",
+    );
+    for column in ["path_jump", "face_jump", "second_nrmse", "far_nrmse", "interpolation_nrmse"] {
+        assert!(told[column].as_str().is_some_and(|text| text.ends_with(" %")), "{column}: {}", told[column]);
+    }
+    b.screenshot("volumes-run-light");
+    assert_eq!(b.faint_texts(), [""; 0]);
+    b.emulate("", "dark");
+    b.screenshot("volumes-run-dark");
+    assert_eq!(b.faint_texts(), [""; 0]);
+    b.emulate("print", "dark");
+    b.screenshot("volumes-run-print");
+    assert_eq!(b.faint_texts(), [""; 0]);
+    // such a text would be seen
+    b.evaluate("document.querySelector('h1').style.color = '#888'");
+    assert_eq!(b.faint_texts().len(), 1);
+    assert_eq!(b.complaints(), [""; 0]);
 }

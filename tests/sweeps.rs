@@ -9,6 +9,8 @@ mod gate;
 mod overhead;
 #[path = "sweeps/slurm.rs"]
 mod slurm;
+#[path = "sweeps/volume_gate.rs"]
+mod volume_gate;
 #[path = "sweeps/volumes.rs"]
 mod volumes;
 

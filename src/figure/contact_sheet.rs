@@ -96,7 +96,7 @@ impl ContactSheet {
                 exposure.0.to_string(),
             ]);
         }
-        Figure { drawing, data }
+        Figure::new(drawing, data)
     }
 
     fn description(&self) -> String {

@@ -144,7 +144,7 @@ pub fn figure(used: &[usize]) -> Option<Figure> {
         }
     }
     legend(&mut drawing, &orders, &drawn);
-    Some(Figure { drawing, data })
+    Some(Figure::new(drawing, data))
 }
 
 /// What each curve is, with its error and its darkest ringing, plain and windowed.

@@ -101,7 +101,7 @@ impl Curves {
                 ]);
             }
         }
-        Figure { drawing, data }
+        Figure::new(drawing, data)
     }
 
     /// Names right of the plot, as near to their curves' ends as they can stand without touching.

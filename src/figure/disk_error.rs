@@ -77,5 +77,5 @@ pub fn figure(rows: &[Row]) -> Option<Figure> {
     }
     let bar = ColourBar { scale, map: ColourMap::Magnitude, format: Format::Plain, label: "RMS error of E/π".into() };
     bar.draw(&mut drawing, Rect::new(60.0, TOP + plots + 14.0, 260.0, 11.0));
-    Some(Figure { drawing, data })
+    Some(Figure::new(drawing, data))
 }

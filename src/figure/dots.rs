@@ -77,7 +77,7 @@ impl Dots {
                 ]);
             }
         }
-        Figure { drawing, data }
+        Figure::new(drawing, data)
     }
 }
 

@@ -3,7 +3,6 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::Figure;
 use super::captures;
 use super::colour_map::ColourMap;
 use super::contact_sheet::{ContactSheet, Shown};
@@ -13,7 +12,7 @@ use super::dots::{Dot, DotPanel, Dots};
 use super::fronts::{COSTS, Fronts, Point};
 use super::hard_cases;
 use super::heat_map::{ColumnGroup, HeatMap};
-use super::latex::latex;
+use super::latex::{Captioned, latex};
 use super::near_far;
 use super::scale::{Format, Scale};
 use super::sections::{SectionPanel, Sections};
@@ -26,6 +25,7 @@ use super::table::{
     Group, Matrix, Row, Table, by_what_they_keep, family, groups, is_software, name, named_first, varying_axes,
 };
 use super::volumes;
+use super::{FORMS, Figure, TABULAR};
 use crate::cost::Samples;
 use crate::output::write_whole;
 use crate::picture::LayeredImage;
@@ -61,18 +61,20 @@ const DRAWN: &str = ".drawn";
 /// The file that includes them all in a paper.
 const LATEX: &str = "figures.tex";
 
-/// What figures depend on: this code's version, the table, and which images there are (they are named by their content's key).
+/// What figures depend on: this code's version, the table, and which images, places of samples and volumes there are (they are named by
+/// their content's key).
 fn fingerprint(table: &Table, folder: &Path) -> io::Result<String> {
-    let mut images: Vec<String> = match std::fs::read_dir(folder.join("images")) {
-        Ok(entries) => {
-            entries.map(|e| e.map(|e| e.file_name().to_string_lossy().into_owned())).collect::<io::Result<_>>()?
+    let mut files: Vec<String> = Vec::new();
+    for inner in ["images", "samples", "volumes"] {
+        let Ok(entries) = std::fs::read_dir(folder.join(inner)) else { continue };
+        for entry in entries {
+            files.push(format!("{inner}/{}", entry?.file_name().to_string_lossy()));
         }
-        Err(_) => Vec::new(),
-    };
-    images.sort_unstable();
+    }
+    files.sort_unstable();
     let studies: String =
         study::tables(folder)?.iter().map(|(name, table)| format!("{name}\n{}", table.to_csv())).collect();
-    let whole = format!("{VERSION}\n{}\n{}\n{studies}", images.join("\n"), table.to_csv());
+    let whole = format!("{VERSION}\n{}\n{}\n{studies}", files.join("\n"), table.to_csv());
     Ok(blake3::hash(whole.as_bytes()).to_hex().to_string())
 }
 
@@ -80,8 +82,13 @@ fn drawn_before(target: &Path, source: &str) -> Option<Vec<String>> {
     let record = std::fs::read_to_string(target.join(DRAWN)).ok()?;
     let mut lines = record.lines();
     let names: Vec<String> = (lines.next()? == source).then(|| lines.map(str::to_owned).collect())?;
-    let there = |name: &String| ["svg", "png", "csv"].iter().all(|e| target.join(format!("{name}.{e}")).exists());
-    (target.join(LATEX).exists() && names.iter().all(there)).then_some(names)
+    let there = |name: &String| FORMS.iter().all(|form| target.join(format!("{name}.{form}")).exists());
+    let captions = std::fs::read_to_string(target.join(LATEX)).ok()?;
+    let is_included = |name: &String| {
+        let table = format!("{name}.{TABULAR}");
+        !captions.contains(&format!("\\input{{{table}}}")) || target.join(table).exists()
+    };
+    names.iter().all(|name| there(name) && is_included(name)).then_some(names)
 }
 
 fn draw(table: &Table, folder: &Path, target: &Path) -> io::Result<Vec<String>> {
@@ -195,37 +202,39 @@ fn draw(table: &Table, folder: &Path, target: &Path) -> io::Result<Vec<String>> 
     let orders: Vec<usize> = rows.iter().filter_map(|r| r.number("order")).map(|o| o as usize).collect();
     jobs.add(&["cosine-by-order"], move || cosine::figure(&orders));
 
-    let drawn: Vec<Option<(String, [String; 2])>> = jobs
+    let drawn: Vec<Option<Captioned>> = jobs
         .0
         .into_par_iter()
-        .map(|(name, job)| match job() {
-            Some(figure) => figure.write(target, &name).map(|()| Some((name, figure.drawing.headings))),
-            None => Ok(None),
-        })
+        .map(|(name, job)| job().map(|figure| written(figure, name, target)).transpose())
         .collect::<io::Result<_>>()?;
     captions(drawn.into_iter().flatten().collect(), target)
 }
 
 /// Of hard cases a figure a family.
 fn draw_hard_cases(table: &Table, target: &Path) -> io::Result<Vec<String>> {
-    let drawn: Vec<Option<(String, [String; 2])>> = hard_cases::families(table)
+    let drawn: Vec<Option<Captioned>> = hard_cases::families(table)
         .into_par_iter()
-        .map(|family| match hard_cases::family_figure(table, &family) {
-            Some(figure) => figure.write(target, &family).map(|()| Some((family, figure.drawing.headings))),
-            None => Ok(None),
+        .map(|family| {
+            let figure = hard_cases::family_figure(table, &family);
+            figure.map(|figure| written(figure, family, target)).transpose()
         })
         .collect::<io::Result<_>>()?;
     captions(drawn.into_iter().flatten().collect(), target)
 }
 
+/// Writes a figure; what its caption says.
+fn written(figure: Figure, name: String, target: &Path) -> io::Result<Captioned> {
+    figure.write(target, &name)?;
+    let [title, subtitle] = figure.drawing.headings;
+    Ok(Captioned { name, title, subtitle, is_table: figure.tabular.is_some() })
+}
+
 /// Writes the LaTeX file of what was drawn; gives the names.
-fn captions(drawn: Vec<(String, [String; 2])>, target: &Path) -> io::Result<Vec<String>> {
+fn captions(drawn: Vec<Captioned>, target: &Path) -> io::Result<Vec<String>> {
     if !drawn.is_empty() {
-        let text =
-            latex(drawn.iter().map(|(name, [title, subtitle])| (name.as_str(), title.as_str(), subtitle.as_str())));
-        write_whole(&target.join(LATEX), text.as_bytes())?;
+        write_whole(&target.join(LATEX), latex(&drawn).as_bytes())?;
     }
-    Ok(drawn.into_iter().map(|(name, _)| name).collect())
+    Ok(drawn.into_iter().map(|figure| figure.name).collect())
 }
 
 /// Figures to draw: a name, and what draws it where the data allow.
@@ -236,8 +245,8 @@ impl<'a> Jobs<'a> {
     fn add(&mut self, parts: &[&str], job: impl Fn() -> Option<Figure> + Send + Sync + 'a) {
         let name = file_name(parts);
         // two names that differ in odd characters alone still get two files
-        let taken = self.0.iter().filter(|(other, _)| *other == name || other.starts_with(&format!("{name}~"))).count();
-        let name = if taken == 0 { name } else { format!("{name}~{}", taken + 1) };
+        let taken = self.0.iter().filter(|(other, _)| *other == name || other.starts_with(&format!("{name}+"))).count();
+        let name = if taken == 0 { name } else { format!("{name}+{}", taken + 1) };
         self.0.push((name, Box::new(job)));
     }
 }

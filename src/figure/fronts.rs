@@ -166,7 +166,7 @@ impl Fronts {
             unnamed += self.panel(&mut drawing, cell(place), *c, scale, &on_front);
         }
         self.legend(&mut drawing, cell(cells - 1), &prices, unnamed > 0);
-        Figure { drawing, data }
+        Figure::new(drawing, data)
     }
 
     /// Draws the panel of a cost; gives the number of points that found no room for their name.

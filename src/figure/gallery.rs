@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
+use super::{FORMS, TABULAR};
 use crate::output::write_whole;
 
 /// What the manifest says of one figure.
@@ -96,27 +97,18 @@ fn write(gallery: &Path, manifest: &Manifest) -> io::Result<()> {
     write_whole(&gallery.join(MANIFEST), &bytes)
 }
 
-/// Takes a figure from a folder into the gallery: its CSV, PNG and SVG, and the command that makes it.
-/// An SVG that mostly is pictures (contact sheets) stays out: the PNG says the same in fewer bytes.
+/// Takes a figure from a folder into the gallery: its CSV, PNG and SVG, of a table its LaTeX, and the command that makes it.
 pub fn keep(figures: &Path, name: &str, gallery: &Path, command: &str) -> io::Result<()> {
-    let mut taken = 0;
-    for extension in ["csv", "png", "svg"] {
+    for extension in FORMS.iter().chain([&TABULAR]) {
         let source = figures.join(format!("{name}.{extension}"));
+        let target = gallery.join(format!("{name}.{extension}"));
         match std::fs::read(&source) {
-            Ok(bytes) if extension == "svg" && bytes.len() > LARGEST_SVG => {}
-            Ok(bytes) => {
-                write_whole(&gallery.join(format!("{name}.{extension}")), &bytes)?;
-                taken += 1;
-            }
-            Err(error) if error.kind() == io::ErrorKind::NotFound && extension != "csv" => {}
+            Ok(bytes) => write_whole(&target, &bytes)?,
+            Err(error) if error.kind() == io::ErrorKind::NotFound && *extension == TABULAR => {}
             Err(error) => return Err(io::Error::new(error.kind(), format!("{}: {error}", source.display()))),
         }
     }
-    debug_assert!(taken > 0);
     let mut manifest = refresh(gallery)?;
     manifest.entry(name.to_owned()).or_default().command = command.to_owned();
     write(gallery, &manifest)
 }
-
-/// Bytes of an SVG that a repository still takes.
-const LARGEST_SVG: usize = 128 * 1024;

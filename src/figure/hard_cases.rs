@@ -104,7 +104,7 @@ pub fn family_figure(table: &Table, family: &str) -> Option<Figure> {
             }
         }
     }
-    Some(Figure { drawing, data })
+    Some(Figure::new(drawing, data))
 }
 
 fn colour(curve: usize) -> super::drawing::Colour {

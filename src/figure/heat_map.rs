@@ -90,7 +90,7 @@ impl HeatMap {
             drawing.rect(Rect::new(x, bottom + 17.0, 18.0, 13.0), None, Some(Stroke::new(INK, 2.0)));
             drawing.text([x + 26.0, bottom + 28.0], &self.mark_label, TICK, MUTED, Anchor::Start);
         }
-        Figure { drawing, data }
+        Figure::new(drawing, data)
     }
 
     fn column(&self, drawing: &mut Drawing, [x, top]: [f64; 2], column: usize) {

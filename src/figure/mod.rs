@@ -29,6 +29,7 @@ pub mod style;
 pub mod summary;
 mod svg;
 pub mod table;
+pub mod tabular;
 mod volumes;
 mod wrap_lobe;
 
@@ -46,9 +47,20 @@ use table::Table;
 pub struct Figure {
     pub drawing: Drawing,
     pub data: Table,
+    /// LaTeX's `tabular` of a figure that is a table.
+    pub tabular: Option<String>,
 }
 
+/// The forms in which every figure is there; a table is there as `tex` too.
+pub const FORMS: [&str; 3] = ["csv", "png", "svg"];
+/// What a table adds.
+pub const TABULAR: &str = "tex";
+
 impl Figure {
+    pub fn new(drawing: Drawing, data: Table) -> Self {
+        Self { drawing, data, tabular: None }
+    }
+
     pub fn svg(&self) -> String {
         svg::svg(&self.drawing)
     }
@@ -57,15 +69,19 @@ impl Figure {
         raster::png(&self.drawing, style::PNG_SCALE)
     }
 
-    /// Writes NAME.svg, NAME.png and NAME.csv; nothing where the three are there and the drawing is the same.
+    /// Writes NAME.svg, NAME.png and NAME.csv, of a table NAME.tex; nothing where they are there and the drawing is the same.
     pub fn write(&self, folder: &Path, name: &str) -> io::Result<()> {
         let file = |extension: &str| folder.join(format!("{name}.{extension}"));
         let (svg, csv) = (self.svg(), self.data.to_csv());
         let same = |extension: &str, text: &str| std::fs::read(file(extension)).is_ok_and(|b| b == text.as_bytes());
-        if same("svg", &svg) && same("csv", &csv) && file("png").exists() {
+        let same_table = self.tabular.as_ref().is_none_or(|tabular| same(TABULAR, tabular));
+        if same("svg", &svg) && same("csv", &csv) && same_table && file("png").exists() {
             return Ok(());
         }
         // the SVG last: it is what says that the others are made
+        if let Some(tabular) = &self.tabular {
+            write_whole(&file(TABULAR), tabular.as_bytes())?;
+        }
         write_whole(&file("csv"), csv.as_bytes())?;
         write_whole(&file("png"), &self.png())?;
         write_whole(&file("svg"), svg.as_bytes())

@@ -118,5 +118,5 @@ pub fn figure(rows: &[Row<'_>], title: String, subtitle: String) -> Option<Figur
         let name = format!("{}, {}", s.rig, s.family);
         drawing.text([x + 38.0, y + 0.5 * CAP * TICK], name, TICK, stroke(s).colour, Anchor::Start);
     }
-    Some(Figure { drawing, data })
+    Some(Figure::new(drawing, data))
 }

@@ -179,25 +179,38 @@ impl Canvas {
         }
     }
 
-    /// Bilinear between pixel centres where the image is enlarged, the mean of the covered pixels where it is made smaller.
     fn image(&mut self, rect: &Rect, columns: usize, rows: usize, pixels: &[[u8; 3]]) {
         let start = [rect.x, rect.y].map(|v| (v * self.scale).round() as i64);
         let end = [rect.right(), rect.bottom()].map(|v| (v * self.scale).round() as i64);
-        let across: Vec<_> = weights((end[0] - start[0]).max(0) as usize, columns);
-        for (y, vertical) in weights((end[1] - start[1]).max(0) as usize, rows).into_iter().enumerate() {
-            for (x, horizontal) in across.iter().enumerate() {
-                let mut sum = [0.0; 3];
-                for (row, v) in &vertical {
-                    for (column, h) in horizontal {
-                        let p = pixels[row * columns + column];
-                        (0..3).for_each(|c| sum[c] += v * h * f64::from(p[c]));
-                    }
-                }
-                let [r, g, b] = sum.map(|s| s.round() as u8);
-                self.blend(start[0] + x as i64, start[1] + y as i64, Colour(r, g, b), 1.0);
-            }
+        let size = [0, 1].map(|axis| (end[axis] - start[axis]).max(0) as usize);
+        for (index, [r, g, b]) in resampled((columns, rows), pixels, (size[0], size[1])).into_iter().enumerate() {
+            let (x, y) = ((index % size[0]) as i64, (index / size[0]) as i64);
+            self.blend(start[0] + x, start[1] + y, Colour(r, g, b), 1.0);
         }
     }
+}
+
+/// An image in another size: bilinear between pixel centres where it is enlarged, the mean of the covered pixels where it is made smaller.
+pub(super) fn resampled(
+    (columns, rows): (usize, usize),
+    pixels: &[[u8; 3]],
+    (wide, high): (usize, usize),
+) -> Vec<[u8; 3]> {
+    let across = weights(wide, columns);
+    let mut out = Vec::with_capacity(wide * high);
+    for vertical in weights(high, rows) {
+        for horizontal in &across {
+            let mut sum = [0.0; 3];
+            for (row, v) in &vertical {
+                for (column, h) in horizontal {
+                    let p = pixels[row * columns + column];
+                    (0..3).for_each(|c| sum[c] += v * h * f64::from(p[c]));
+                }
+            }
+            out.push(sum.map(|s| s.round() as u8));
+        }
+    }
+    out
 }
 
 /// For each of `to` places, the pixels of `from` that it is made of, and their shares.

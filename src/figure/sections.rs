@@ -80,7 +80,7 @@ impl Sections {
                 }
             }
         }
-        Figure { drawing, data }
+        Figure::new(drawing, data)
     }
 }
 

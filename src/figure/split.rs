@@ -73,7 +73,7 @@ impl Split {
             }
             top += height;
         }
-        Figure { drawing, data }
+        Figure::new(drawing, data)
     }
 }
 

@@ -120,7 +120,7 @@ impl Strip {
         drawing.text([x, y + 41.0], "of the reference's RMS irradiance", TICK, MUTED, Anchor::Start);
         let bar = ColourBar { scale, map, format: Format::Percent, label: String::new() };
         bar.draw(&mut drawing, Rect::new(x + 8.0, y + 54.0 + CAP, 1.6 * CELL, 13.0));
-        Figure { drawing, data }
+        Figure::new(drawing, data)
     }
 }
 

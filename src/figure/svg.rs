@@ -1,7 +1,8 @@
 use std::fmt::Write as _;
 
 use super::drawing::{Anchor, Drawing, Item, Stroke};
-use super::raster::encode_png;
+use super::raster::{encode_png, resampled};
+use super::style::PNG_SCALE;
 
 /// Raised when the same data would be drawn, or the same drawing rasterised, in another way: figures are then made again.
 pub(super) const VERSION: u32 = 1;
@@ -61,7 +62,13 @@ fn write_item(out: &mut String, item: &Item) {
             )
         }
         Item::Image { rect, columns, rows, pixels } => {
-            let data = base64(&encode_png(*columns, *rows, pixels));
+            // no finer than the PNG of the drawing
+            let most = |length: f64, own: usize| own.min((length * PNG_SCALE).ceil().max(1.0) as usize);
+            let (wide, high) = (most(rect.width, *columns), most(rect.height, *rows));
+            let data = base64(&match (wide, high) == (*columns, *rows) {
+                true => encode_png(wide, high, pixels),
+                false => encode_png(wide, high, &resampled((*columns, *rows), pixels, (wide, high))),
+            });
             writeln!(
                 out,
                 "<image x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" preserveAspectRatio=\"none\" xlink:href=\"data:image/png;base64,{data}\"/>",

@@ -8,8 +8,9 @@ use super::dots::{Dot, DotPanel, Dots};
 use super::drawing::{Anchor, CAP, Drawing, Rect, Stroke, fitted, text_width};
 use super::panel::{Axis, Panel};
 use super::scale::{Format, Scale};
-use super::style::{ACCENT, GRID, INK, LABEL, MUTED, PANEL_TITLE, SECOND, TICK};
+use super::style::{ACCENT, INK, LABEL, MUTED, PANEL_TITLE, SECOND, TICK};
 use super::table::{Group, Row, Table, name, varying_axes};
+use super::tabular::{Cell, Column, Line, Tabular};
 
 /// Whether every row is a volume.
 pub fn are_volumes(rows: &[Row]) -> bool {
@@ -316,19 +317,26 @@ pub fn walks(group: &Group, subtitle: String, folder: &Path) -> Option<Figure> {
             }
         }
     }
-    Some(Figure { drawing, data })
+    Some(Figure::new(drawing, data))
 }
 
-/// A column of the table of sizes.
-type Cell = fn(&Row) -> Option<String>;
+/// A column of the table of sizes: its heading, its name in the CSV, the number, and how that is written.
+type SizeColumn = (&'static str, &'static str, fn(&Row) -> Option<f64>, Format);
 
-/// Floats of one sample with its gradients, RGB.
-fn floats_per_sample(row: &Row) -> Option<f64> {
-    Some(row.number("floats")? / row.number("samples")?)
-}
+const SIZES: [SizeColumn; 8] = [
+    ("order", "order", |row| row.number("order"), Format::Count),
+    ("samples", "samples", |row| row.number("samples"), Format::Count),
+    ("floats a sample", "floats_a_sample", |row| Some(row.number("floats")? / row.number("samples")?), Format::Count),
+    ("samples' bytes", "samples_bytes", |row| Some(4.0 * row.number("floats")?), Format::Unit("B")),
+    ("with the tree", "model_bytes", |row| row.number("model_bytes"), Format::Unit("B")),
+    ("nRMSE", "nrmse", |row| row.number("nrmse"), Format::Percent),
+    ("the volume's share", "interpolation_nrmse", |row| row.number("interpolation_nrmse"), Format::Percent),
+    ("bake", "bake_s", |row| row.number("bake_s"), Format::Unit("s")),
+];
 
 /// What was published for 4913 uniform samples with gradients, bytes by order.
 const PUBLISHED: [(f64, f64); 2] = [(3.0, 2.0e6), (6.0, 8.2e6)];
+const PUBLISHED_SAMPLES: f64 = 4913.0;
 
 /// Sizes of volumes, beside the published ones: a table.
 pub fn sizes(group: &Group, subtitle: String) -> Option<Figure> {
@@ -342,17 +350,6 @@ pub fn sizes(group: &Group, subtitle: String) -> Option<Figure> {
         key(a)[0].total_cmp(&key(b)[0]).then(key(b)[1].total_cmp(&key(a)[1]))
     });
     let others: Vec<&str> = varying_axes(&rows).into_iter().filter(|axis| *axis != "order").collect();
-    let bytes = |v: f64| Format::Unit("B").write(v);
-    let columns: [(&str, f64, Cell); 8] = [
-        ("order", 52.0, |row| Some(row.text("order").to_owned())),
-        ("samples", 76.0, |row| row.number("samples").map(|v| format!("{v}"))),
-        ("floats a sample", 112.0, |row| floats_per_sample(row).map(|v| format!("{v}"))),
-        ("samples' bytes", 110.0, |row| row.number("floats").map(|v| Format::Unit("B").write(4.0 * v))),
-        ("with the tree", 104.0, |row| row.number("model_bytes").map(|v| Format::Unit("B").write(v))),
-        ("nRMSE", 76.0, |row| row.number("nrmse").map(|v| Format::Percent.write(v))),
-        ("the volume's share", 132.0, |row| row.number("interpolation_nrmse").map(|v| Format::Percent.write(v))),
-        ("bake", 76.0, |row| row.number("bake_s").map(|v| Format::Unit("s").write(v))),
-    ];
     // the smallest that errs no more than the largest uniform one, order by order
     let best = |order: f64| -> Option<&str> {
         let of = || rows.iter().filter(|row| row.number("order") == Some(order));
@@ -364,62 +361,50 @@ pub fn sizes(group: &Group, subtitle: String) -> Option<Figure> {
             .min_by(|a, b| number(a, "samples").total_cmp(&number(b, "samples")))
             .map(|row| row.text("run"))
     };
-    let title = format!("{}, {}: what volumes keep", group.key[0], group.key[1]);
-    let names = rows.iter().map(|row| text_width(&name(row, &others), LABEL)).fold(60.0, f64::max);
-    let published = "published, 4913 samples";
-    let left = 16.0 + names + 12.0;
-    let width = left + columns.iter().map(|c| c.1).sum::<f64>() + text_width(published, LABEL) + 40.0;
-    let line = 24.0;
-    let top = 92.0;
-    let mut drawing = Drawing::new(
-        width.max(text_width(&subtitle, TICK) + 40.0),
-        top + line * rows.len() as f64 + 42.0,
-        format!("{title}. {subtitle}. A table of samples, floats, bytes and errors."),
-    );
-    drawing.heading(&title, &subtitle);
-    let mut x = left;
-    for (heading, wide, _) in &columns {
-        x += wide;
-        drawing.text([x, top - 8.0], *heading, TICK, MUTED, Anchor::End);
-    }
-    drawing.text([x + 24.0, top - 8.0], published, TICK, MUTED, Anchor::Start);
-    let headings = ["candidate", "run"].into_iter().chain(columns.iter().map(|c| c.0)).chain(["published"]);
-    let mut data = Table::new(&headings.collect::<Vec<_>>());
-    for (index, row) in rows.iter().enumerate() {
-        let y = top + line * index as f64;
+    let column = |heading: &str, name: &str, words| Column { heading: heading.into(), name: name.into(), words };
+    let columns = std::iter::once(column("volume", "candidate", true))
+        .chain(SIZES.iter().map(|(heading, name, ..)| column(heading, name, false)))
+        .chain([column("published, 4913 samples", "published_bytes", false)]);
+    let line = |(index, row): (usize, &Row)| {
         let order = number(row, "order");
-        let marked = best(order) == Some(row.text("run"));
-        if index > 0 && number(&rows[index - 1], "order") != order {
-            drawing.line([[16.0, y], [width - 16.0, y]], Stroke::new(MUTED, 1.0));
-        } else {
-            drawing.line([[16.0, y], [width - 16.0, y]], Stroke::new(GRID, 1.0));
+        let name = name(row, &others);
+        let mut cells = vec![Cell { shown: name.clone(), exact: name }];
+        for (_, _, value, format) in &SIZES {
+            let value = value(row);
+            cells.push(Cell {
+                shown: value.map_or(String::new(), |value| match format {
+                    Format::Count => value.to_string(),
+                    format => format.write(value),
+                }),
+                exact: value.map_or(String::new(), |value| value.to_string()),
+            });
         }
-        let (baseline, colour) = (y + 0.5 * line + 0.5 * CAP * LABEL, if marked { ACCENT } else { INK });
-        drawing.text([16.0, baseline], name(row, &others), LABEL, colour, Anchor::Start);
-        let mut x = left;
-        let mut cells = vec![name(row, &others), row.text("run").to_owned()];
-        for (_, wide, cell) in &columns {
-            x += wide;
-            let text = cell(row).unwrap_or_default();
-            drawing.text([x, baseline], &text, LABEL, colour, Anchor::End);
-            cells.push(text);
+        let known = PUBLISHED.iter().find(|(of, _)| *of == order && number(row, "samples") == PUBLISHED_SAMPLES);
+        cells.push(known.map_or_else(Cell::default, |(_, bytes)| Cell {
+            shown: format!("≈ {}", Format::Unit("B").write(*bytes)),
+            exact: bytes.to_string(),
+        }));
+        Line {
+            cells,
+            run: row.text("run").to_owned(),
+            marked: best(order) == Some(row.text("run")),
+            begins: index > 0 && number(&rows[index - 1], "order") != order,
         }
-        let size = PUBLISHED.iter().find(|(of, _)| *of == order && number(row, "samples") == 4913.0);
-        let size = size.map_or(String::new(), |(_, size)| format!("~{}", bytes(*size)));
-        drawing.text([x + 24.0, baseline], &size, LABEL, colour, Anchor::Start);
-        cells.push(size);
-        data.push(cells);
-    }
-    let foot = top + line * rows.len() as f64;
-    drawing.line([[16.0, foot], [width - 16.0, foot]], Stroke::new(MUTED, 1.0));
-    drawing.text(
-        [16.0, foot + 22.0],
-        "blue: the smallest tree whose share of the error is at most that of the largest grid (5 % more allowed)",
-        TICK,
-        MUTED,
-        Anchor::Start,
-    );
-    Some(Figure { drawing, data })
+    };
+    let lines: Vec<Line> = rows.iter().enumerate().map(line).collect();
+    let note =
+        "marked: the smallest tree whose share of the error is at most that of the largest grid (5 % more allowed)";
+    let note = if lines.iter().any(|line| line.marked) { note } else { "" };
+    Some(
+        Tabular {
+            title: format!("{}, {}: what volumes keep", group.key[0], group.key[1]),
+            subtitle,
+            columns: columns.collect(),
+            lines,
+            note: note.to_owned(),
+        }
+        .figure(),
+    )
 }
 
 /// `SERIES-NUMBER`: the series.

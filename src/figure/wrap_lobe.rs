@@ -76,5 +76,5 @@ pub fn figure(rows: &[Row]) -> Option<Figure> {
         let colour = SERIES[k % SERIES.len()];
         entry(format!("order {order}"), Stroke::new(colour, 1.4), colour);
     }
-    Some(Figure { drawing, data })
+    Some(Figure::new(drawing, data))
 }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::check::{Check, Kind, Verdict};
 use super::interval::Estimate;
-use super::stored::{Place, ResultKind, Stored, StoredRow, TIMES};
+use super::stored::{Draw, Place, ResultKind, Stored, StoredRow, TIMES};
 use crate::experiment::TimingIdentity;
 use crate::input::InputError;
 
@@ -97,6 +97,11 @@ impl BaselineRow {
         }
     }
 
+    /// As far as the baseline knows: rays without noise are those of the row that is held against it.
+    pub fn draw(&self) -> Draw<'_> {
+        Draw { run: &self.run, noise: self.values.get("ref_noise").copied().unwrap_or(0.0), casts_rays: false }
+    }
+
     pub fn estimate(&self, column: &str) -> Option<Estimate> {
         let [value, low, high] = *self.times.get(column)?;
         Some(Estimate { value, interval: Some((low, high)) })
@@ -122,6 +127,11 @@ pub fn accept(baseline: &mut Baseline, stored: &Stored, checks: &[Check], reason
             }
             (Kind::Quality, Some(index), Some(row)) => {
                 let held = &mut baseline.rows[index];
+                // values of two draws are no result together
+                if !held.draw().is_same(&row.draw()) {
+                    held.values = BaselineRow::of(row, stored.kind).values;
+                    held.run = row.text("run").to_owned();
+                }
                 for column in [check.metric.clone(), format!("{}_se", check.metric)] {
                     match row.number(&column) {
                         Some(value) => drop(held.values.insert(column, value)),

@@ -1,8 +1,9 @@
 //! Thresholds and baseline against stored results.
 //!
 //! Quality is deterministic and held tightly: a value may move by rounding, which differs between processors (fused multiplications, the
-//! system's `sin`), and by nothing else. Where the reference is noisy, the standard errors of both sides decide (z-test, 1 % over all tests
-//! together). Times are held as ratios within one run alone: a time against the other times of its block, on the machine of the baseline,
+//! system's `sin`), and by nothing else. Random numbers are keyed, so that a run that was drawn again as it was (one key, one noise) is as
+//! deterministic as any other. Where it was drawn anew, from another seed or with another count of samples, the standard errors of both sides
+//! decide (z-test, 1 % over all tests together). Times are held as ratios within one run alone: a time against the other times of its block, on the machine of the baseline,
 //! and it fails only where the ratio and its whole interval lie beyond the limit. Curves of hard cases are held by their largest values;
 //! a rounding error keeps its size from one processor to the next and none of its digits, so that it fails only where it grows by a factor.
 
@@ -369,8 +370,9 @@ fn against_baseline(
             (*column, stored.kind.held().contains(&error.as_str()).then_some(error))
         })
         .collect();
+    // the standard errors that decide: none where the same numbers were drawn
     let noisy = |row: usize, held: usize, error: &Option<String>| {
-        let error = error.as_deref()?;
+        let error = error.as_deref().filter(|_| !baseline.rows[held].draw().is_same(&stored.rows[row].draw()))?;
         stored.rows[row].number(error).zip(baseline.rows[held].values.get(error).copied())
     };
     let tests: usize = pairs
@@ -379,6 +381,7 @@ fn against_baseline(
         .sum();
     let z = z_limit(tests);
     for &(row, held) in &pairs {
+        let drawn_anew = !baseline.rows[held].draw().is_same(&stored.rows[row].draw());
         for (column, error) in &held_columns {
             let own = stored.rows[row].number(column);
             let base = baseline.rows[held].values.get(*column).copied();
@@ -400,9 +403,12 @@ fn against_baseline(
                 }
                 (Some(own), Some(base)) => {
                     let scale = scale_of(column, &baseline.rows[held].values);
-                    let errors = noisy(row, held, error);
-                    let is_noisy = stored.rows[row].number("ref_noise").is_some_and(|noise| noise > 0.0);
-                    quality(&mut check, own, base, scale, errors, is_noisy, z, settings);
+                    let chance = Chance {
+                        errors: noisy(row, held, error),
+                        reference: drawn_anew,
+                        probes: drawn_anew && stored.rows[row].has_drawn_probes(),
+                    };
+                    quality(&mut check, own, base, scale, chance, z, settings);
                 }
             }
             all.push(check);
@@ -422,16 +428,19 @@ fn scale_of(column: &str, values: &std::collections::BTreeMap<String, f64>) -> f
     }
 }
 
-fn quality(
-    check: &mut Check,
-    own: f64,
-    base: f64,
-    scale: f64,
+/// What chance may have to do with the difference of two values.
+#[derive(Clone, Copy)]
+struct Chance {
+    /// Standard errors of both, from the noise of their references.
     errors: Option<(f64, f64)>,
-    is_noisy: bool,
-    z: f64,
-    settings: CheckSettings,
-) {
+    /// Their references were drawn apart.
+    reference: bool,
+    /// So were the samples of the candidate's probes, whose noise has no number.
+    probes: bool,
+}
+
+fn quality(check: &mut Check, own: f64, base: f64, scale: f64, chance: Chance, z: f64, settings: CheckSettings) {
+    let errors = chance.errors;
     let name = check.metric.clone();
     let roundings = rounding_error(&name);
     let is_count = COUNTS.contains(&name.as_str()) || ["singular", "non_finite"].contains(&name.as_str());
@@ -464,9 +473,15 @@ fn quality(
         () if worse.is_nan() => Verdict::Failed,
         () if roundings.is_some() && base > settings.error * own + floor => Verdict::Better,
         () if worse <= allowed && worse >= -allowed => Verdict::Holds,
-        () if is_noisy && errors.is_none() && !is_count => {
-            check.note = Some("the reference is noisy, and this has no standard error".to_owned());
+        () if chance.reference && errors.is_none() && !is_count => {
+            check.note = Some("it was drawn anew, and this has no standard error".to_owned());
             Verdict::NotCompared
+        }
+        // an adaptive volume's samples are as many as noise divides cells
+        () if chance.probes && !["singular", "non_finite"].contains(&name.as_str()) => {
+            let why = "its probes were drawn anew (another seed, scene or version), and their noise has no number: see, then accept";
+            check.note = Some(why.to_owned());
+            Verdict::Unknown
         }
         () if worse < 0.0 => Verdict::Better,
         () => Verdict::Failed,
@@ -489,8 +504,9 @@ fn quality(
 
 /// Whether less is better of a column that is no metric of points.
 pub(super) fn is_better_lower(column: &str) -> bool {
-    let others = ["flip", "flip_hdr", "jump", "face_jump", "level_jump", "condition", "singular", "non_finite"];
-    others.contains(&column) || COUNTS.contains(&column) || rounding_error(column).is_some()
+    let others = ["flip", "flip_hdr", "leak", "clamped_share", "condition", "singular", "non_finite"];
+    let of_volumes = column.ends_with("jump") || column.ends_with("_nrmse");
+    of_volumes || others.contains(&column) || COUNTS.contains(&column) || rounding_error(column).is_some()
 }
 
 /// Times of the pairs, block by block: how each changed against the median of the others.

@@ -154,6 +154,12 @@ fn pair(a: &StoredRow, b: &StoredRow, columns: &[Compared], z: f64, effect: f64)
     if !same_adapter {
         flags.push(format!("the GPU rows are of `{}` in A and of `{}` in B", adapters[0], adapters[1]));
     }
+    // between results of the same random numbers there is no noise
+    let drawn_anew = !a.draw().is_same(&b.draw());
+    if drawn_anew && a.has_drawn_probes() {
+        let why = "probes by rays or captures were drawn anew (another seed, scene or version); their noise has no number, and no change of theirs is called significant";
+        flags.push(why.to_owned());
+    }
     for column in columns {
         let (own, other) = (a.number(column.name), b.number(column.name));
         if own.is_none() && other.is_none() {
@@ -169,7 +175,8 @@ fn pair(a: &StoredRow, b: &StoredRow, columns: &[Compared], z: f64, effect: f64)
         if let Some((own, other)) = own.zip(other) {
             let difference = other - own;
             change.change = Some(difference);
-            let errors = [a, b].map(|row| column.error.as_ref().and_then(|error| row.number(error)));
+            let own_error = |row: &StoredRow| column.error.as_ref().and_then(|error| row.number(error));
+            let errors = [a, b].map(|row| own_error(row).filter(|_| drawn_anew));
             let error = errors[0].zip(errors[1]).map(|(x, y)| x.hypot(y));
             let half = error.map_or(0.0, |error| Z * error);
             change.interval = Some((difference - half, difference + half));
@@ -179,9 +186,8 @@ fn pair(a: &StoredRow, b: &StoredRow, columns: &[Compared], z: f64, effect: f64)
             };
             let roundings = rounding_error(column.name);
             let rounding = ROUNDING.0 * own.abs() + roundings.unwrap_or(ROUNDING.1 * scale);
-            let noisy = error.is_none()
-                && !COUNTS.contains(&column.name)
-                && a.number("ref_noise").is_some_and(|noise| noise > 0.0);
+            // probes' own noise has no number
+            let noisy = drawn_anew && (a.has_drawn_probes() || (error.is_none() && !COUNTS.contains(&column.name)));
             let alike = own.max(other) <= ROUNDING_FACTOR * own.min(other) + rounding;
             change.word = match () {
                 () if difference == 0.0 || difference.abs() <= rounding => Word::Same,
@@ -190,7 +196,10 @@ fn pair(a: &StoredRow, b: &StoredRow, columns: &[Compared], z: f64, effect: f64)
                 () => direction(column.name, own, other),
             };
             if noisy && change.word == Word::Open {
-                change.note = "the reference is noisy, and this has no standard error".to_owned();
+                change.note = match error {
+                    None => "drawn anew, and this has no standard error".to_owned(),
+                    Some(_) => "its probes were drawn anew, and their noise has no number".to_owned(),
+                };
             }
         } else {
             change.word = Word::Changed;

@@ -80,10 +80,20 @@ fn line(check: &Check) -> String {
 pub fn lines<'c>(checks: impl IntoIterator<Item = &'c Check>) -> String {
     let mut text = String::new();
     for check in checks {
-        text.extend(line(check).chars().map(|c| if c.is_control() { ' ' } else { c }));
+        text += &in_a_line(&line(check));
         text.push('\n');
     }
     text
+}
+
+/// Signs that end a line, move a terminal's cursor or turn the direction of writing.
+fn is_unprintable(c: char) -> bool {
+    c.is_control() || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+/// A text of which nothing leaves its line.
+fn in_a_line(text: &str) -> String {
+    text.chars().map(|c| if is_unprintable(c) { ' ' } else { c }).collect()
 }
 
 fn count(checks: &[Check], verdict: Verdict) -> usize {
@@ -123,23 +133,41 @@ pub fn checks(checks: &[Check], format: Format, experiment: &str, file: &Path) -
         Format::Junit => junit(checks, experiment),
         Format::Github => {
             let escape = |text: &str| text.replace('%', "%25").replace('\r', "%0D").replace('\n', "%0A");
+            let file = escape(&file.display().to_string()).replace(',', "%2C").replace(':', "%3A");
             let mut text = String::new();
-            for check in checks.iter().filter(|check| !matches!(check.verdict, Verdict::Holds)) {
-                let command = match check.verdict {
-                    Verdict::Failed | Verdict::Unknown => "error",
-                    _ => "notice",
-                };
+            let mut say = |command: &str, check: &Check, words: &str| {
                 let at = match check.kind {
                     Kind::Threshold(line) => format!(",line={line}"),
                     _ => String::new(),
                 };
-                let file = escape(&file.display().to_string()).replace(',', "%2C").replace(':', "%3A");
-                let _ = writeln!(text, "::{command} file={file}{at},title=rigbench check::{}", escape(&line(check)));
+                let _ = writeln!(text, "::{command} file={file}{at},title=rigbench check::{}", escape(words));
+            };
+            for check in checks.iter().filter(|check| matches!(check.verdict, Verdict::Failed | Verdict::Unknown)) {
+                say("error", check, &line(check));
+            }
+            for (first, count) in alike(checks) {
+                let more = if count > 1 { format!(" (and {} more alike)", count - 1) } else { String::new() };
+                say("notice", first, &(line(first) + &more));
             }
             let _ = writeln!(text, "::notice title=rigbench check::{}", escape(&summary(checks)));
             text
         }
     }
+}
+
+/// What is better or could not be compared, once for each reason: the first, and how many there are. Another machine's times would else
+/// fill the log.
+fn alike(checks: &[Check]) -> Vec<(&Check, usize)> {
+    let mut found: Vec<(&Check, usize)> = Vec::new();
+    for check in checks.iter().filter(|check| matches!(check.verdict, Verdict::NotCompared | Verdict::Better)) {
+        let same =
+            |other: &Check| (other.verdict, &other.kind, &other.note) == (check.verdict, &check.kind, &check.note);
+        match found.iter_mut().find(|(first, _)| same(first)) {
+            Some((_, count)) => *count += 1,
+            None => found.push((check, 1)),
+        }
+    }
+    found
 }
 
 fn junit(checks: &[Check], experiment: &str) -> String {
@@ -161,7 +189,13 @@ fn junit(checks: &[Check], experiment: &str) -> String {
             if !matches!(check.verdict, Verdict::Holds | Verdict::Better) {
                 status.set_message(line(check));
             }
-            let mut case = TestCase::new(format!("{} {}", check.metric, check.place).trim().to_owned(), status);
+            // two thresholds may hold one metric of one run
+            let of_line = match check.kind {
+                Kind::Threshold(line) => format!(" (line {line})"),
+                _ => String::new(),
+            };
+            let title = format!("{} {}{of_line}", check.metric, check.place).trim().to_owned();
+            let mut case = TestCase::new(title, status);
             case.set_classname(format!("{experiment}.{name}"));
             case.set_system_out(line(check));
             suite.add_test_case(case);
@@ -229,10 +263,10 @@ fn for_markdown(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {
-            '|' | '\\' | '*' | '`' | '[' => out.extend(['\\', c]),
+            '|' | '\\' | '*' | '_' | '~' | '`' | '[' => out.extend(['\\', c]),
             '<' => out += "&lt;",
             '&' => out += "&amp;",
-            c if c.is_control() => out.push(' '),
+            c if is_unprintable(c) => out.push(' '),
             c => out.push(c),
         }
     }
@@ -260,25 +294,25 @@ pub fn changes(comparison: &Comparison, format: TableFormat, all: bool) -> Strin
     };
     match format {
         TableFormat::Table => {
-            let mut text = format!("A: {}\nB: {}\n", comparison.a, comparison.b);
+            let mut text = format!("A: {}\nB: {}\n", in_a_line(&comparison.a), in_a_line(&comparison.b));
             for flag in &comparison.flags {
-                let _ = writeln!(text, "note: {flag}");
+                let _ = writeln!(text, "note: {}", in_a_line(flag));
             }
             if !shown.is_empty() {
                 let mut table = comfy_table::Table::new();
                 table.load_style(comfy_table::presets::NOTHING);
                 table.set_header(header);
                 for c in &shown {
-                    table.add_row(cells(c));
+                    table.add_row(cells(c).map(|cell| in_a_line(&cell)));
                 }
                 let _ = writeln!(text, "{table}");
             }
             text + &counted + "\n"
         }
         TableFormat::Markdown => {
-            let mut text = format!("A: `{}`  \nB: `{}`\n\n", comparison.a, comparison.b);
+            let mut text = format!("A: {}  \nB: {}\n\n", for_markdown(&comparison.a), for_markdown(&comparison.b));
             for flag in &comparison.flags {
-                let _ = writeln!(text, "> {flag}\n");
+                let _ = writeln!(text, "> {}\n", for_markdown(flag));
             }
             if !shown.is_empty() {
                 let row = |cells: &[String]| {
@@ -354,6 +388,48 @@ mod tests {
         let properties = lines[0].strip_prefix("::error ").unwrap().split_once("::").unwrap();
         assert_eq!(properties.0, "file=a b/50 %25%2Cx%3Ay.toml,line=7,title=rigbench check");
         assert!(properties.1.contains("50 %25 of it,%0D%0Athen <b"), "{}", properties.1);
+        // what could not be compared for one reason is said once
+        let many: Vec<Check> = (0..300)
+            .map(|i| Check { verdict: Verdict::NotCompared, place: format!("run {i}"), ..nasty().remove(0) })
+            .collect();
+        let text = checks(&many, Format::Github, "odd", Path::new("x.toml"));
+        assert_eq!(text.lines().count(), 2, "{text}");
+        assert!(
+            text.starts_with("::notice ") && text.contains("run 0: ") && text.contains("(and 299 more alike)"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn tables_of_comparisons_keep_to_their_lines_whatever_a_name_holds() {
+        let odd = "a|b_c_ <i>*x*</i> `d`\r\n# \u{1b}[31m \u{202e}[l](u)";
+        let change = Change {
+            place: Default::default(),
+            label: odd.to_owned(),
+            metric: "nrmse".to_owned(),
+            unit: "",
+            a: Some(1.0),
+            b: Some(2.0),
+            change: Some(1.0),
+            interval: None,
+            ratio: false,
+            word: Word::Worse,
+            note: odd.to_owned(),
+        };
+        let comparison = Comparison { a: odd.into(), b: odd.into(), flags: vec![odd.into()], changes: vec![change] };
+        let table = changes(&comparison, TableFormat::Table, false);
+        assert!(!table.contains(['\u{1b}', '\r', '\u{202e}']), "{table:?}");
+        let markdown = changes(&comparison, TableFormat::Markdown, false);
+        assert!(!markdown.contains(['\u{1b}', '\r', '\u{202e}']) && !markdown.contains("<i>"), "{markdown}");
+        // header, rule, one row: no bar but those between cells
+        let rows: Vec<&str> = markdown.lines().filter(|line| line.starts_with('|')).collect();
+        let bars = |row: &str| row.replace("\\|", "").matches('|').count();
+        assert_eq!(rows.iter().map(|row| bars(row)).collect::<Vec<_>>(), [8, 8, 8], "{markdown}");
+        let mut reader = csv::Reader::from_reader(std::io::Cursor::new(changes(&comparison, TableFormat::Csv, false)));
+        let read: Vec<csv::StringRecord> = reader.records().map(|row| row.unwrap()).collect();
+        assert!(read.len() == 1 && &read[0][7] == odd, "{read:?}");
+        let json: serde_json::Value = serde_json::from_str(&changes(&comparison, TableFormat::Json, false)).unwrap();
+        assert_eq!(json["changes"][0]["row"], odd);
     }
 
     #[test]

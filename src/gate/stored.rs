@@ -1,4 +1,4 @@
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -40,6 +40,8 @@ pub enum ResultKind {
 pub struct StoredRow {
     cells: Vec<(&'static str, Cell)>,
     place: Place,
+    /// Whether rays were cast for its run.
+    casts_rays: bool,
     pub times: Option<StoredTimes>,
     /// Of curves: the value of the parameter at which a column is largest.
     worst_at: Vec<(&'static str, f64)>,
@@ -66,6 +68,24 @@ struct ResultsFile {
     #[serde(default)]
     changes: Vec<String>,
     rows: Vec<StoredRow>,
+}
+
+/// The random numbers of a result.
+#[derive(Clone, Copy, Debug)]
+pub struct Draw<'a> {
+    pub run: &'a str,
+    /// Of the reference; 0 where it is exact.
+    pub noise: f64,
+    pub casts_rays: bool,
+}
+
+impl Draw<'_> {
+    /// Whether two results are made of the same random numbers, or of none: one key (configuration with the seed, content, algorithms), and
+    /// references of the same noise to the last digits. One that its time limit cut short has another.
+    pub fn is_same(&self, other: &Self) -> bool {
+        let is_drawn = [self, other].iter().any(|draw| draw.casts_rays || draw.noise > 0.0);
+        !is_drawn || (self.run == other.run && (self.noise - other.noise).abs() <= 1e-9 * other.noise)
+    }
 }
 
 /// Times that are held and compared: column, and the samples behind it.
@@ -185,7 +205,14 @@ impl Stored {
             ResultKind::Sweep => file.rows,
             ResultKind::Curves => curves(file.rows),
         };
+        // a run's first row says it for those of its receivers and frames
+        let with_rays: HashSet<String> = rows
+            .iter()
+            .filter(|row| !["", "none"].contains(&row.text("effects")))
+            .map(|row| row.text("run").to_owned())
+            .collect();
         for row in &mut rows {
+            row.casts_rays = with_rays.contains(row.text("run"));
             let named = file.kind.identity().iter().map(|name| ((*name).to_owned(), row.text(name).to_owned()));
             row.place = Place(named.filter(|(_, text)| !text.is_empty()).collect());
         }
@@ -272,6 +299,17 @@ impl StoredRow {
 
     pub fn is_ok(&self) -> bool {
         self.text("status") == "ok"
+    }
+
+    /// What random numbers it is made of: the run's key, the noise of its reference, and whether rays were cast at all.
+    pub fn draw(&self) -> Draw<'_> {
+        Draw { run: self.text("run"), noise: self.number("ref_noise").unwrap_or(0.0), casts_rays: self.casts_rays }
+    }
+
+    /// Whether rays or captures took the samples that the candidate is made of: they have noise of their own. Where nothing blocks, every
+    /// source is analytic.
+    pub fn has_drawn_probes(&self) -> bool {
+        self.casts_rays && !["", "analytic"].contains(&self.text("probe_source"))
     }
 
     /// The value of the parameter at which a curve's column is largest.

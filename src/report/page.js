@@ -30,7 +30,7 @@
     if (u === 'B') k = Math.max(0, k);
     return digits(v / 1000 ** k) + ' ' + ['p', 'n', 'µ', 'm', '', 'k', 'M', 'G'][k + 4] + u;
   };
-  const shares = new Set(['nrmse', 'nrmse_clamped', 'bias', 'ref_noise', 'truncation_nrmse', 'interpolation_nrmse', 'jump', 'face_jump', 'level_jump', 'boundary_nrmse', 'near_nrmse', 'leak']);
+  const shares = { has: (column) => /nrmse|jump$/.test(column) || ['bias', 'bias_se', 'ref_noise', 'leak', 'clamped_share'].includes(column) };
   const written = (column, t) => {
     const v = t === '' || Number.isNaN(Number(t)) ? null : Number(t);
     if (v === null || column === 'run' || column === 'order' || column === 'frame') return t;

@@ -539,7 +539,9 @@ mod tests {
     #[test]
     fn text_stands_out_in_light_and_dark() {
         assert!((contrast([1.0; 3], [0.0; 3]) - 21.0).abs() < 1e-9);
-        for block in [":root {", ":root[data-theme=\"dark\"] {"] {
+        let on_paper = ":root, :root:not([data-theme=\"light\"]), :root[data-theme=\"dark\"] {";
+        assert!(STYLE[STYLE.find("@media print").unwrap()..].contains(on_paper));
+        for block in [":root {", ":root[data-theme=\"dark\"] {", on_paper] {
             let colours = colours(block);
             for ground in ["ground", "panel"] {
                 for text in ["ink", "muted", "accent", "bad", "warn", "good"] {

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::disk::{StoreError, create_folder, write_atomic};
 use super::slurm::expected_seconds;
+use super::sweep::{SAMPLES, VOLUMES};
 use crate::experiment::{Candidate, Experiment};
 
 /// One part of several: the third of four is 3/4.
@@ -60,7 +61,7 @@ pub fn shard_of(experiment: &Experiment, candidates: &[Candidate], shard: Shard)
     chosen.into_iter().map(|index| candidates[index].clone()).collect()
 }
 
-/// Copies the runs and images of one results folder into another; what is there already stays. Gives how many runs it copied.
+/// Copies the runs of one results folder into another, and what lies beside them by run; what is there already stays. Gives how many runs it copied.
 pub fn bring(from: &Path, to: &Path) -> Result<usize, StoreError> {
     let mut copied = 0;
     for run in folders(&from.join("runs"))? {
@@ -73,9 +74,11 @@ pub fn bring(from: &Path, to: &Path) -> Result<usize, StoreError> {
         }
         copied += usize::from(!was_there);
     }
-    let images = from.join("images");
-    if images.is_dir() {
-        copy_files(&images, &to.join("images"), true)?;
+    for beside in ["images", SAMPLES, VOLUMES] {
+        let folder = from.join(beside);
+        if folder.is_dir() {
+            copy_files(&folder, &to.join(beside), true)?;
+        }
     }
     Ok(copied)
 }

@@ -174,9 +174,9 @@ pub(super) enum Step<'e> {
 pub(super) type Tell<'t> = &'t (dyn Fn(usize, Step) + Sync);
 
 /// The folder of where rigs' samples stand in their pictures, by run.
-const SAMPLES: &str = "samples";
+pub(super) const SAMPLES: &str = "samples";
 /// The folder of cuts through volumes and of walks in them, by run.
-const VOLUMES: &str = "volumes";
+pub(super) const VOLUMES: &str = "volumes";
 
 /// Texels along the edge of a captured face where the experiment does not say.
 const FACE: u32 = 32;

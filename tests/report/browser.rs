@@ -201,7 +201,11 @@ impl Browser {
 
     /// A real key on what has the focus.
     pub fn press(&mut self, key: &str, code: u32) {
-        let text = if key.chars().count() == 1 { key } else { "" };
+        let text = match key {
+            "Enter" => "\r",
+            _ if key.chars().count() == 1 => key,
+            _ => "",
+        };
         self.call(
             "Input.dispatchKeyEvent",
             json!({ "type": "keyDown", "key": key, "windowsVirtualKeyCode": code, "text": text }),
@@ -242,6 +246,22 @@ impl Browser {
         self.call("Emulation.setEmulatedMedia", json!({ "media": media, "features": features }));
         let media = if media.is_empty() { "screen" } else { media };
         self.wait_for(&format!("matchMedia('{media} and (prefers-color-scheme: {scheme})').matches"));
+    }
+
+    /// Texts that stand out too little from what is behind them: WCAG 2's ratio under 4.5, each with its ratio.
+    pub fn faint_texts(&mut self) -> Vec<String> {
+        let found = self.evaluate(
+            "(() => { const numbers = (c) => c.match(/[\\d.]+/g).map(Number); const linear = (v) => (v / 255 <= 0.04045 ? v / 255 / 12.92 : ((v / 255 + 0.055) / 1.055) ** 2.4);\
+             const light = ([r, g, b]) => 0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b) + 0.05;\
+             const behind = (e) => { for (; e; e = e.parentElement) { const c = numbers(getComputedStyle(e).backgroundColor); if (c.length < 4 || c[3] > 0) return c; } return [255, 255, 255]; };\
+             const found = []; const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);\
+             while (texts.nextNode()) { const text = texts.currentNode.data.trim(), e = texts.currentNode.parentElement;\
+               if (!text || !e.checkVisibility() || e.closest('script, style, canvas')) continue;\
+               const style = getComputedStyle(e), pair = [light(numbers(e.ownerSVGElement ? style.fill : style.color)), light(behind(e))];\
+               const ratio = Math.max(...pair) / Math.min(...pair); if (ratio < 4.5) found.push(`${e.tagName} ${text.slice(0, 40)}: ${ratio.toFixed(2)}`); }\
+             return found; })()",
+        );
+        serde_json::from_value(found).unwrap()
     }
 
     /// A picture of what is in the window, for people, where RIGBENCH_SCREENSHOTS names a folder.

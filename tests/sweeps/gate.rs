@@ -273,20 +273,23 @@ fn what_is_gone_new_empty_or_better_is_told_apart() {
     let (exit, out, _) = check(at, &baseline);
     assert_eq!(exit, 0, "{out}");
     assert!(out.contains("not compared: cost"), "{out}");
-    // a noisy reference is judged by its standard error
-    let noisy = |rows: &mut Vec<Value>, factor: f64| {
+    // where the same numbers were drawn nothing is noise; drawn anew, with another noise, the standard error decides
+    let noisy = |rows: &mut Vec<Value>, factor: f64, noise: f64| {
         let nrmse = rows[1]["nrmse"].as_f64().unwrap();
-        rows[1]["ref_noise"] = (0.01 * nrmse).into();
+        rows[1]["ref_noise"] = (noise * nrmse).into();
         rows[1]["nrmse_se"] = (0.002 * nrmse).into();
         rows[1]["nrmse"] = (factor * nrmse).into();
     };
     let baseline = ["--baseline", "noisy.json"];
-    with_rows(&|rows| noisy(rows, 1.0));
+    with_rows(&|rows| noisy(rows, 1.0, 0.01));
     assert_eq!(check(at, &[&baseline[..], &["--accept", "--reason", "noise"]].concat()).0, 0);
-    with_rows(&|rows| noisy(rows, 1.005));
+    with_rows(&|rows| noisy(rows, 1.005, 0.01));
+    let (exit, out, _) = check(at, &baseline);
+    assert!(exit == 101 && out.contains("it would pass with [check] quality"), "{exit}: {out}");
+    with_rows(&|rows| noisy(rows, 1.005, 0.0101));
     let (exit, out, _) = check(at, &baseline);
     assert_eq!(exit, 0, "{out}");
-    with_rows(&|rows| noisy(rows, 1.02));
+    with_rows(&|rows| noisy(rows, 1.02, 0.0101));
     let (exit, out, _) = check(at, &baseline);
     assert_eq!(exit, 101, "{out}");
     assert!(out.contains("it would pass with a limit of |z|"), "{out}");

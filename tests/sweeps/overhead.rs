@@ -56,24 +56,47 @@ fn cost(command: &Command, folder: &Path) -> (f64, f64) {
 
 const RUN: [&str; 4] = ["run", "experiments/small.toml", "--no-figures", "--no-report"];
 
+/// Each thing is done so often, in turns, so that what else a machine does meets all alike; medians are told.
+const ROUNDS: usize = 3;
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// From nothing: what one run keeps of references must not serve the next.
+fn afresh(at: &Path, outs: &[&str]) {
+    for out in outs.iter().chain(&["results"]) {
+        let _ = std::fs::remove_dir_all(at.join(out));
+    }
+}
+
 #[test]
 #[ignore = "measures, takes minutes"]
 fn what_shards_add() {
     let folder = many();
     let at = folder.path();
-    let run = |more: &[&str]| {
-        let mut command = rigbench(at);
-        command.args(RUN).args(more);
-        // what one keeps of references must not serve the next
-        let _ = std::fs::remove_dir_all(at.join("results"));
-        cost(&command, at)
+    let run = |out: &str, more: &[&str]| {
+        afresh(at, &[out]);
+        cost(rigbench(at).args(RUN).args(["--out", out]).args(more), at)
     };
-    let whole = run(&["--out", "whole"]);
-    let parts: Vec<(f64, f64)> =
-        (1..=4).map(|part| run(&["--out", &format!("part{part}"), "--shard", &format!("{part}/4")])).collect();
-    let sum = parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
-    println!("one run: {:.2} s, {:.2} s of processors; four shards: {:.2} s, {:.2} s", whole.0, whole.1, sum.0, sum.1);
-    println!("shards add {:+.1} % of processor time", 100.0 * (sum.1 / whole.1 - 1.0));
+    let (mut added, mut merging) = (Vec::new(), Vec::new());
+    for _ in 0..ROUNDS {
+        let whole = run("whole", &[]);
+        let parts = ["1/4", "2/4", "3/4", "4/4"].map(|part| run(&format!("part{}", &part[..1]), &["--shard", part]));
+        let sum = parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
+        afresh(at, &["merged"]);
+        let parts = ["part1", "part2", "part3", "part4"];
+        let merge = cost(rigbench(at).args(["merge", "merged"]).args(parts).args(["--no-figures", "--no-report"]), at);
+        println!(
+            "one run: {:.2} s, {:.2} s of processors; four shards: {:.2} s, {:.2} s; their merge: {:.2} s",
+            whole.0, whole.1, sum.0, sum.1, merge.1
+        );
+        added.push(sum.1 / whole.1 - 1.0);
+        merging.push(merge.1 / whole.1);
+    }
+    println!("four shards add {:+.1} % of processor time (median of {ROUNDS})", 100.0 * median(added));
+    println!("bringing them together takes {:.1} % more", 100.0 * median(merging));
 }
 
 #[test]
@@ -82,30 +105,32 @@ fn what_a_cluster_adds() {
     let Some(cluster) = Cluster::start() else { return };
     let folder = many();
     let at = folder.path();
-    let mut here = rigbench(at);
-    here.args(RUN).args(["--out", "here"]);
-    let here = cost(&here, at);
-    let _ = std::fs::remove_dir_all(at.join("results"));
-    let mut there = rigbench(at);
-    there.args(RUN).args(["--out", "there", "--engine", "slurm"]).env("SLURM_CONF", cluster.conf());
-    let (wall, own) = cost(&there, at);
-    let logs = std::fs::read_dir(at.join("there/slurm")).unwrap().flatten().flat_map(|phase| {
-        std::fs::read_dir(phase.path())
-            .unwrap()
-            .flatten()
-            .map(|file| std::fs::read_to_string(file.path()).unwrap_or_default())
-    });
-    let tasks: Vec<f64> = logs
-        .flat_map(|log| {
-            log.lines().filter_map(|line| line.strip_suffix(" s of a processor")?.parse().ok()).collect::<Vec<f64>>()
-        })
-        .collect();
-    let spent = own + tasks.iter().sum::<f64>();
-    println!(
-        "here: {:.2} s, {:.2} s of processors; on the cluster: {wall:.2} s, {spent:.2} s in {} tasks",
-        here.0,
-        here.1,
-        tasks.len()
-    );
-    println!("the cluster adds {:+.1} % of processor time", 100.0 * (spent / here.1 - 1.0));
+    let mut added = Vec::new();
+    for _ in 0..ROUNDS {
+        afresh(at, &["here", "there"]);
+        let here = cost(rigbench(at).args(RUN).args(["--out", "here"]), at);
+        afresh(at, &["there"]);
+        let mut there = rigbench(at);
+        there.args(RUN).args(["--out", "there", "--engine", "slurm"]).env("SLURM_CONF", cluster.conf());
+        let (wall, own) = cost(&there, at);
+        let logs = std::fs::read_dir(at.join("there/slurm")).unwrap().flatten().flat_map(|phase| {
+            std::fs::read_dir(phase.path())
+                .unwrap()
+                .flatten()
+                .map(|f| std::fs::read_to_string(f.path()).unwrap_or_default())
+        });
+        let said = |log: String| -> Vec<f64> {
+            log.lines().filter_map(|line| line.strip_suffix(" s of a processor")?.parse().ok()).collect()
+        };
+        let tasks: Vec<f64> = logs.flat_map(said).collect();
+        let spent = own + tasks.iter().sum::<f64>();
+        println!(
+            "here: {:.2} s, {:.2} s of processors; on the cluster: {wall:.2} s, {spent:.2} s in {} tasks and {own:.2} s beside them",
+            here.0,
+            here.1,
+            tasks.len()
+        );
+        added.push(spent / here.1 - 1.0);
+    }
+    println!("the cluster adds {:+.1} % of processor time (median of {ROUNDS})", 100.0 * median(added));
 }

@@ -22,7 +22,7 @@ const WAY: &str = "schema_version = 1\ntitle = \"way\"\n\
     [[receiver]]\nname = \"volume\"\nbounds = { min = [-1, -1, -1], max = [1, 1, 1] }\n\
     [animation]\nframes = 2\n";
 
-fn project() -> tempfile::TempDir {
+pub fn project() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     write(folder.path(), "scenes/rooms.toml", ROOMS);
     write(folder.path(), "scenes/way.toml", WAY);
@@ -281,4 +281,39 @@ fn a_budget_that_is_used_up_fails_one_run_and_loses_nothing() {
     let (code, _, said) = rigbench_does(folder.path(), &["run", &path]);
     assert_eq!(code, 0, "{said}");
     assert!(number(&results(folder.path())["bursts"], "samples") > 200.0);
+}
+
+/// The published example, 4913 uniform samples with gradients, baked: what is kept, counted by hand, in the results and in every form of the table.
+#[test]
+fn the_published_sizes_come_out_of_a_bake() {
+    let folder = project();
+    let grid = "grid = { bounds = \"volume\", samples = [17, 17, 17], interpolation = \"half_gradient\" }";
+    let path = experiment(folder.path(), "way", "two", &[("uniform", grid)], "order = [3, 6]\n");
+    let (code, _, said) = rigbench_does(folder.path(), &["run", &path, "--no-report"]);
+    assert_eq!(code, 0, "{said}");
+    let at = folder.path().join("results/volumes");
+    let figure =
+        |form: &str| std::fs::read_to_string(at.join("figures").join(format!("sizes-way-two-cpu.{form}"))).unwrap();
+    let read = |text: &str| -> Vec<BTreeMap<String, String>> {
+        csv::Reader::from_reader(text.as_bytes()).deserialize().map(|row| row.unwrap()).collect()
+    };
+    let pooled: Vec<_> = read(&std::fs::read_to_string(at.join("results.csv")).unwrap());
+    let (table, latex, svg) = (read(&figure("csv")), figure("tex"), figure("svg"));
+    for (order, coefficients, megabytes) in [("3", 9.0, "2.12 MB"), ("6", 36.0, "8.49 MB")] {
+        // value and three derivatives of each coefficient, three channels, four bytes
+        let floats = coefficients * (1.0 + 3.0) * 3.0 * 4913.0;
+        let row = pooled.iter().find(|row| row["order"] == order && row["frame"].is_empty()).unwrap();
+        assert_eq!(
+            [number(row, "samples"), number(row, "floats"), number(row, "model_bytes")],
+            [4913.0, floats, 4.0 * floats]
+        );
+        let row = table.iter().find(|row| row["order"] == order).unwrap();
+        assert_eq!([number(row, "floats_a_sample"), number(row, "samples_bytes")], [floats / 4913.0, 4.0 * floats]);
+        // what was published says the same within a twentieth
+        assert!((number(row, "published_bytes") / (4.0 * floats) - 1.0).abs() < 0.06, "{row:?}");
+        assert!(latex.contains(&format!("{order} & 4913 & ")) && latex.contains(megabytes), "{latex}");
+        assert!(svg.contains(&format!(">{megabytes}<")), "{svg}");
+    }
+    let captions = std::fs::read_to_string(at.join("figures/figures.tex")).unwrap();
+    assert!(captions.contains("\\input{sizes-way-two-cpu.tex}"), "{captions}");
 }
