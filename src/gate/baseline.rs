@@ -129,7 +129,7 @@ pub fn accept(baseline: &mut Baseline, stored: &Stored, checks: &[Check], reason
                 let held = &mut baseline.rows[index];
                 // values of two draws are no result together
                 if !held.draw().is_same(&row.draw()) {
-                    held.values = BaselineRow::of(row, stored.kind).values;
+                    held.values = BaselineRow::of(row, stored.kind, false).values;
                     held.run = row.text("run").to_owned();
                 }
                 for column in [check.metric.clone(), format!("{}_se", check.metric)] {
