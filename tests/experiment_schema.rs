@@ -360,70 +360,7 @@ fn program_and_schema_agree_on_layouts() {
     }
 }
 
-const EXPERIMENT: &str = r#"
-schema_version = 1
-name = "all"
-title = "Everything"
-seed = 3
-[image]
-width = 64
-height = 32
-keep = "all"
-[matrix]
-scene = ["car"]
-lights = ["lamp"]
-rig = ["direct", "constant", "lattice", "mixed", "rbf"]
-order = [2, 3]
-interpolation = ["trilinear", "steep"]
-gradient_source = ["fd"]
-window = ["none", "soft"]
-backend = ["cpu", "gpu"]
-storage = ["buffer"]
-precision = ["f32"]
-[rig.constant]
-constant = {}
-freeze_frame = 0
-[rig.lattice]
-lattice = { samples = [3, 2, 2], interpolation = "nearest", power = 2.0, axes = "longest_first" }
-[rig.mixed]
-mixed = { x = { lattice = 3 }, y = "constant", z = "gradient" }
-[rig.rbf]
-rbf = { centers = "corners", kernel = "gaussian", shape = 2.0 }
-[interpolation.steep]
-inverse_distance = { power = 3.0 }
-[gradient_source.fd]
-central = { step = 0.01 }
-[window.soft]
-hann = { width = 4.0 }
-[[exclude]]
-rig = ["direct", "constant"]
-backend = "gpu"
-[[include]]
-rig = "lattice"
-order = 5
-interpolation = "tricubic"
-window = "none"
-backend = "cpu"
-[effects]
-mode = ["shadows", "bounces=2"]
-[timing]
-warmup = 0
-repeat = 1
-[[threshold]]
-where = { rig = "mixed", order = [2, 3] }
-metric = "nrmse"
-max = 0.5
-[[claim]]
-name = "close"
-says = "the mixed rig comes close"
-rig = ["mixed"]
-against = ["lattice"]
-within = 1.25
-[reference]
-points = 100
-relative_error = 0.1
-seconds = 1
-"#;
+const EXPERIMENT: &str = include_str!("folder/everything.toml");
 
 #[test]
 fn program_and_schema_agree_on_experiments() {
@@ -456,6 +393,15 @@ fn program_and_schema_agree_on_experiments() {
             ),
             ("centers = \"corners\"", "centers = [[0, 0, 0], [1, 1, 0.5]]"),
             ("centers = \"corners\"", "samples = [2, 2, 2]"),
+            (", cull = 0.01, budget = 5000", ""),
+            ("bounds = { min = [-2, 0, -1], max = [2, 2.5, 1] }", "bounds = \"room\""),
+            ("any = [{ harmonic", "any = [{ gradient = { threshold = 1 } }, { harmonic"),
+            (
+                "[heuristic.either]\nany = [",
+                "[heuristic.other]\nerror = { threshold = 0.1 }\n[heuristic.either]\nany = [",
+            ),
+            ("captured = { face = 8 }", "relit = { face = 8, iterations = 2 }"),
+            ("traced = { spp = 64 }", "traced = { spp = 64, on = \"gpu\" }"),
         ],
         &[
             ("schema_version = 1", "schema_version = 0"),
@@ -512,6 +458,35 @@ fn program_and_schema_agree_on_experiments() {
             ("within = 1.25", "within = 0"),
             ("points = 100", "points = 0"),
             ("seconds = 1", "seconds = 0"),
+            ("bounds = \"room\", ", ""),
+            ("bounds = \"room\"", "bounds = 3"),
+            ("roots = [1, 2, 1]", "roots = [1, 2]"),
+            ("roots = [1, 2, 1]", "roots = [1, 0, 1]"),
+            ("min_level = 1", "min_level = -1"),
+            ("max_level = 2", "max_level = 13"),
+            ("max_level = 2", "max_level = 2.5"),
+            ("across = \"naive\"", "across = \"naiv\""),
+            ("cull = 0.01", "cull = 0"),
+            ("budget = 5000", "budget = 7"),
+            ("budget = 5000", "buget = 5000"),
+            ("max = [2, 2.5, 1] }", "max = [2, 2.5] }"),
+            ("max = [2, 2.5, 1] }", "max = [2, 2.5, 1], centre = [0, 0, 0] }"),
+            ("samples = [3, 3, 4]", "samples = [3, 3]"),
+            ("inner = 2", "inner = 1"),
+            ("repair = true", "repair = 1"),
+            ("lookup = \"per_object\"", "lookup = \"per_objekt\""),
+            ("smoothing = 0.25", "smoothing = 1.5"),
+            ("path = { samples = 7 }", "path = { samples = 0 }"),
+            ("path = { samples = 7 }", "path = { samples = 7 }\nconstant = {}"),
+            ("threshold = 0.5, minimum", "threshold = 0, minimum"),
+            ("minimum = false", "minimum = 0"),
+            ("from = \"depth\"", "from = \"depths\""),
+            ("{ prune = { threshold = 0.2 } }", "{ prune = {} }"),
+            ("{ prune = { threshold = 0.2 } }", "{ prune = { threshold = 0.2 }, error = { threshold = 0.2 } }"),
+            ("{ prune = { threshold = 0.2 } }", "{}"),
+            ("traced = { spp = 64 }", "traced = { spp = 0 }"),
+            ("captured = { face = 8 }", "captured = { face = 0 }"),
+            ("captured = { face = 8 }", "captured = { face = 8, on = \"tpu\" }"),
         ],
     );
 }

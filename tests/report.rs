@@ -33,11 +33,7 @@ impl Project {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let write = |name: &str, text: &str| folder::write(folder.path(), name, text);
-        write(
-            "scenes/ball.toml",
-            "schema_version = 1\ntitle = \"ball\"\n[camera]\neye = [0, 1, 3]\ntarget = [0, 0.5, 0]\nup = [0, 1, 0]\nfov_y = 25.0\n\
-             [[object]]\nname = \"ball\"\nreceiver = true\nshape = { sphere = { center = [0, 0.5, 0], radius = 0.4 } }\n",
-        );
+        write("scenes/ball.toml", &include_str!("folder/ball.toml").replace("fov_y = 35.0", "fov_y = 25.0"));
         for (name, place) in [("lamp", "[0.3, 1.4, 0.6]"), ("side", "[1.5, 0.5, 0]")] {
             write(
                 &format!("scenes/lights/{name}.toml"),

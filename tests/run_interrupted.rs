@@ -14,11 +14,7 @@ use rigbench::math::{Stream, StreamPurpose};
 fn project() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| folder::write(folder.path(), name, text);
-    write(
-        "scenes/ball.toml",
-        "schema_version = 1\ntitle = \"ball\"\n[camera]\neye = [0, 1, 3]\ntarget = [0, 0.5, 0]\nup = [0, 1, 0]\nfov_y = 35.0\n\
-         [[object]]\nname = \"ball\"\nreceiver = true\nshape = { sphere = { center = [0, 0.5, 0], radius = 0.4 } }\n",
-    );
+    write("scenes/ball.toml", include_str!("folder/ball.toml"));
     write(
         "scenes/lights/lamp.toml",
         "schema_version = 1\n[[light]]\nname = \"lamp\"\nsphere = { center = [0, 2, 0], radius = 1, radiance = [1, 1, 1] }\n",

@@ -1,6 +1,8 @@
 //! Readers survive any bytes: no panic, no memory beyond the file's, an error that names the file. Half of the inputs are
 //! mutations of valid files, so that many get past the first line.
 
+mod folder;
+
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -313,87 +315,20 @@ fn glb_files() {
     });
 }
 
-/// Everything that an experiment may hold, on scenes that load fast.
-const EXPERIMENT: &str = r#"
-schema_version = 1
-name = "fuzzed"
-title = "All that an experiment may hold"
-kind = "sweep"
-seed = 3
-[image]
-width = 32
-height = 18
-keep = "front"
-[matrix]
-scene = ["bounds"]
-lights = ["three-lamps"]
-rig = ["direct", "constant", "lattice", "mixed", "rbf"]
-order = [2, 3]
-interpolation = ["trilinear", "sharp"]
-gradient_source = ["analytic", "fd"]
-window = ["none", "hann"]
-backend = ["cpu", "gpu"]
-storage = ["buffer", "texture"]
-precision = ["f32", "f64"]
-[rig.constant]
-constant = {}
-[rig.lattice]
-lattice = { samples = [3, 2, 2], interpolation = "half_gradient", axes = "longest_first" }
-[rig.mixed]
-mixed = { x = { lattice = 3 }, y = "constant", z = { hermite = 2 } }
-freeze_frame = 0
-[rig.rbf]
-rbf = { centers = [[0, 0, 0], [1, 0.5, 0]], kernel = "gaussian", shape = 1.5 }
-[interpolation.sharp]
-inverse_distance = { power = 2.0 }
-[gradient_source.fd]
-central = { step = 0.01 }
-[window.hann]
-hann = { width = 4.0 }
-[[exclude]]
-rig = "constant"
-backend = "gpu"
-[[include]]
-scene = "bounds"
-lights = "three-lamps"
-rig = "constant"
-order = 5
-window = "none"
-backend = "cpu"
-precision = "f32"
-[effects]
-mode = { shadows = true, bounces = 2 }
-[timing]
-warmup = 1
-repeat = 2
-only = { rig = ["constant"] }
-[[threshold]]
-where = { rig = "mixed" }
-metric = "interpolation_nrmse"
-max = 0.5
-[[claim]]
-name = "better"
-says = "more is better"
-rig = ["lattice"]
-against = ["constant"]
-within = 1.5
-[reference]
-points = 16
-relative_error = 0.5
-seconds = 1.0
-"#;
+/// On a scene that loads fast.
+const EXPERIMENT: &str = include_str!("folder/everything.toml");
 
-/// A folder with a scene of bounds alone and a layout, and the place of an experiment in it.
+/// A folder with a scene and a layout, and the place of an experiment in it.
 fn small_root() -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::create_dir_all(folder.path().join("scenes/lights")).unwrap();
-    std::fs::create_dir_all(folder.path().join("experiments")).unwrap();
     let scene = "schema_version = 1\n[[object]]\nname = \"slab\"\nreceiver = true\n\
-                 shape = { box = { min = [-1, -1, -1], max = [1, 1, 1] } }\n";
-    std::fs::write(folder.path().join("scenes/bounds.toml"), scene).unwrap();
-    std::fs::copy(scenes().join("lights/three-lamps.toml"), folder.path().join("scenes/lights/three-lamps.toml"))
-        .unwrap();
+                 shape = { box = { min = [-1, -1, -1], max = [1, 1, 1] } }\n\
+                 [[receiver]]\nname = \"room\"\nbounds = { min = [-2, -2, -2], max = [2, 2, 2] }\n";
+    folder::write(folder.path(), "scenes/car.toml", scene);
+    let lamps = std::fs::read_to_string(scenes().join("lights/three-lamps.toml")).unwrap();
+    folder::write(folder.path(), "scenes/lights/lamp.toml", &lamps);
     let path = folder.path().join("experiments/fuzzed.toml");
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
     (folder, path)
 }
 
@@ -632,7 +567,7 @@ fn hostile_counts_are_refused_at_once() {
         words.push(format!("\"w{k}\""));
     }
     let wide = format!(
-        "schema_version = 1\nname = \"wide\"\n[matrix]\nscene = [\"bounds\"]\nlights = [\"three-lamps\"]\n\
+        "schema_version = 1\nname = \"wide\"\n[matrix]\nscene = [\"car\"]\nlights = [\"lamp\"]\n\
          rig = [{}]\nwindow = [{}]\norder = [1, 2, 3, 4, 5, 6]\nbackend = [\"cpu\", \"gpu\"]\n{rigs}{windows}",
         names.join(", "),
         words.join(", ")

@@ -24,11 +24,7 @@ use assert_cmd::cargo::CommandCargoExt;
 fn project(more: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| folder::write(folder.path(), name, text);
-    write(
-        "scenes/ball.toml",
-        "schema_version = 1\ntitle = \"ball\"\n[camera]\neye = [0, 1, 3]\ntarget = [0, 0.5, 0]\nup = [0, 1, 0]\nfov_y = 35.0\n\
-         [[object]]\nname = \"ball\"\nreceiver = true\nshape = { sphere = { center = [0, 0.5, 0], radius = 0.4 } }\n",
-    );
+    write("scenes/ball.toml", include_str!("folder/ball.toml"));
     for (name, x) in [("lamp", 0.0), ("side", 1.5)] {
         let sphere = format!("sphere = {{ center = [{x}, 1.6, 0.3], radius = 0.3, radiance = [1, 2, 3] }}");
         write(

@@ -1,5 +1,7 @@
 //! Laws of irradiance volumes: what cells hold, what interpolation reproduces, what happens across levels, what heuristics divide.
 
+#[path = "volumes/captures.rs"]
+mod captures;
 #[path = "volumes/heuristics.rs"]
 mod heuristics;
 #[path = "volumes/lookups.rs"]

@@ -34,7 +34,7 @@ use serde_json::json;
 use toml::de::DeValue;
 
 use crate::input::{InputError, Source, Spanned};
-use crate::rig::{InterpolationChoice, RigFile};
+use crate::rig::{AnyRig, InterpolationChoice, RigFile};
 use crate::scene::{Layout, Scene, resolve_layout, resolve_scene, root};
 use crate::sh::Window;
 use crate::trace::{Bounces, Effects, EffectsChoice};

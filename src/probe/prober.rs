@@ -8,7 +8,7 @@ use crate::light::Light;
 use crate::math::Rgb;
 use crate::scene::OrientedBox;
 use crate::sh::{ShVectors, Window};
-use crate::trace::{Counters, Effort, Reflected, Transport};
+use crate::trace::{Counters, Effects, Effort, Reflected, Transport};
 
 /// Where probe samples come from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,7 +41,8 @@ pub struct Prober<'a> {
     pub order: usize,
     /// World coordinates.
     pub lights: &'a [Light<f64>],
-    /// The static environment under these lights.
+    /// The static environment under these lights. Where none of its effects is on, samples are analytic, and yet its geometry tells
+    /// volumes which cells hold any.
     pub transport: Option<&'a Transport<'a>>,
     /// Takes the samples of [`Probes::on_gpu`], in that environment under those lights.
     pub device: Option<&'a dyn ProbeDevice>,
@@ -50,10 +51,15 @@ pub struct Prober<'a> {
     pub window: Window,
 }
 
-impl Prober<'_> {
-    /// The samples that are asked for. Without a static environment every source is analytic: nothing blocks.
+impl<'a> Prober<'a> {
+    /// The static environment, where it blocks light or sends any.
+    pub fn sampled(&self) -> Option<&'a Transport<'a>> {
+        self.transport.filter(|transport| transport.effects() != Effects::NONE)
+    }
+
+    /// The samples that are asked for. Where the static environment does nothing to light, every source is analytic.
     pub fn take(&self, requests: &[SampleRequest]) -> Result<(Sampled<f64>, Counters), String> {
-        match (self.probes, self.transport) {
+        match (self.probes, self.sampled()) {
             (Probes::Traced { effort, seed }, Some(transport)) => match self.gradients {
                 GradientSource::Analytic => {
                     Ok(sample_traced(transport, &self.bounds, requests, self.order, seed, effort))
@@ -112,7 +118,7 @@ impl Prober<'_> {
         requests: &[SampleRequest],
         irradiance: &(dyn Fn(DVec3, DVec3) -> Rgb<f64> + Sync),
     ) -> Result<(Sampled<f64>, Counters), String> {
-        let (Probes::Relit { face, seed, .. }, Some(transport)) = (self.probes, self.transport) else {
+        let (Probes::Relit { face, seed, .. }, Some(transport)) = (self.probes, self.sampled()) else {
             return self.take(requests);
         };
         let own: Vec<[f64; 3]> = requests.iter().map(|request| request.position).collect();

@@ -12,7 +12,7 @@ use crate::probe::Prober;
 use crate::trace::Transport;
 use crate::volume::{BakedVolume, Journal, NoJournal, SamplePool, Volume, WithPool, bake_with};
 
-/// The lights of a frame, and the static environment under them where rays are cast.
+/// The lights of a frame, and the static environment under them where there is one.
 pub struct Surrounded<'a> {
     pub lights: &'a [Light<f64>],
     pub transport: Option<Transport<'a>>,
@@ -127,17 +127,18 @@ impl Bakery {
         }
         let made = volume.bounds.resolve(&candidate.scene).and_then(|bounds| {
             let transport = transport.as_ref();
-            let device = probe_device(recipe.probes, transport, gpu).map_err(|error| error.to_string())?;
-            let prober = Prober {
+            let mut prober = Prober {
                 bounds,
                 order: recipe.order,
                 lights,
                 transport,
-                device: device.as_deref(),
+                device: None,
                 probes: recipe.probes,
                 gradients: recipe.gradients,
                 window: recipe.window,
             };
+            let device = probe_device(recipe.probes, prober.sampled(), gpu).map_err(|error| error.to_string())?;
+            prober.device = device.as_deref();
             // derivatives go along the box's axes
             let under = Key::of(&json!([format!("{:?}", bounds.axes), light]));
             let pool = self.shelf.lock().expect("no holder panics").pools.entry(under).or_default().clone();
@@ -162,7 +163,7 @@ impl Bakery {
 
     /// The log of a bake by rays; what is computed faster than it is read, and what cannot be written down, has none.
     fn journal(&self, key: &Key, prober: &Prober) -> Box<dyn Journal> {
-        if prober.transport.is_none() || prober.probes == Probes::Analytic {
+        if prober.sampled().is_none() || prober.probes == Probes::Analytic {
             return Box::new(NoJournal);
         }
         match BakeLog::open(&self.logs, key) {

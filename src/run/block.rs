@@ -17,7 +17,7 @@ use crate::reference::{self, Reference};
 use crate::scene::{Mesh, OrientedBox, PixelHit, Pixels, Receiver, Scene, SurfacePoint};
 use crate::sh::Lobe;
 use crate::trace::{Counters, Effort, Transport};
-use crate::volume::{BakedVolume, distance_to_triangle};
+use crate::volume::{BakedVolume, NearestSurface};
 
 /// Area points a receiver: what every number comes from.
 pub const AREA_POINTS: usize = 4096;
@@ -148,8 +148,6 @@ pub const WALK_PLACES: usize = 65;
 const DARK_SHARE: f64 = 0.01;
 /// Quarters of the points by their distance to static geometry, the nearest first.
 const QUARTERS: [&str; 4] = ["near", "second", "third", "far"];
-/// Distances to static geometry are measured one triangle after the other, up to so many.
-const MOST_STATICS: usize = 10_000;
 
 /// Paths a pixel of a sampled picture; pictures may be noisier than the numbers.
 const PICTURE_PATHS: u64 = 64;
@@ -553,12 +551,10 @@ impl Film {
         if let Some(error) = nrmse_where(&|index, _| at_boundary[index]) {
             found.insert("boundary_nrmse".to_owned(), error);
         }
-        if !statics.is_empty() && statics.len() <= MOST_STATICS && self.answers(values).count() >= QUARTERS.len() {
+        if !statics.is_empty() && self.answers(values).count() >= QUARTERS.len() {
             let places: Vec<glam::DVec3> = self.answers(values).map(|(point, ..)| point.position).collect();
-            let clearance: Vec<f64> = places
-                .par_iter()
-                .map(|place| statics.iter().map(|t| distance_to_triangle(*place, t)).fold(f64::INFINITY, f64::min))
-                .collect();
+            let surface = NearestSurface::new(statics);
+            let clearance: Vec<f64> = places.par_iter().map(|place| surface.distance(*place)).collect();
             let mut sorted = clearance.clone();
             sorted.sort_unstable_by(f64::total_cmp);
             // four quarters of the points, from the nearest on

@@ -516,8 +516,7 @@ impl Stage {
     fn new(experiment: &Experiment, candidate: &Candidate) -> Self {
         let lights = candidate.lights.at(0, candidate.scene.frames).len();
         let (effects, why) = experiment.effects.resolve(&SceneFacts::of(&candidate.scene, lights));
-        let statics = if effects == Effects::NONE { &[][..] } else { &candidate.scene.statics[..] };
-        Self { tracer: Tracer::new(&TracedGeometry::of_statics(statics)), effects, why }
+        Self { tracer: Tracer::new(&TracedGeometry::of_statics(&candidate.scene.statics)), effects, why }
     }
 
     /// Whether rays are cast: called for by the scene, or forced.
@@ -549,8 +548,9 @@ impl Stage {
     }
 
     fn surrounded<'a>(&'a self, block: &'a Block) -> Surrounded<'a> {
-        let transport = self.is_sampled().then(|| self.transport(&block.lights));
-        Surrounded { lights: &block.lights, transport }
+        // geometry that does nothing to light still tells volumes which cells hold any
+        let there = self.is_sampled() || self.tracer.triangle_count() > 0;
+        Surrounded { lights: &block.lights, transport: there.then(|| self.transport(&block.lights)) }
     }
 
     fn transport<'a>(&'a self, lights: &[Light<f64>]) -> Transport<'a> {

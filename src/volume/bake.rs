@@ -1,6 +1,6 @@
 //! From a volume's configuration to its samples: placement, subdivision, sampling, culling, repair.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -36,8 +36,9 @@ const DARK_SHARE: f64 = 0.01;
 /// Why a volume could not be baked.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BakeError {
-    #[error("the volume wants {wanted} samples at level {level}; {help}")]
-    Budget { wanted: usize, level: u32, help: String },
+    /// `level`: that of the octree's cells which want them.
+    #[error("the volume wants {wanted} samples or more{}; {help}", .level.map_or(String::new(), |level| format!(" at level {level}")))]
+    Budget { wanted: usize, level: Option<u32>, help: String },
     #[error("{0}")]
     Bounds(String),
     /// The device that takes the samples gave none.
@@ -135,7 +136,10 @@ struct Baker<'a> {
     tracer: Option<&'a Tracer>,
     resolution: Place,
     taken: HashMap<Place, Taken>,
-    depths: HashMap<Place, (Depths, Vec<DVec3>)>,
+    /// By the centre of a cell, which no other has: depths seen from there, and whether a place that is seen lies in the cell.
+    depths: HashMap<Place, (Depths, bool)>,
+    /// Static geometry in box coordinates.
+    statics: Vec<[DVec3; 3]>,
     bands: Vec<f64>,
     counts: BakeCounts,
     /// Mean over the samples of the least level of the RMS over normals.
@@ -186,6 +190,7 @@ fn bake_laid_out(
         earlier: 0.0,
         prober,
         tracer: prober.transport.map(|transport| transport.tracer()),
+        statics: Vec::new(),
         resolution: [0; 3],
         taken: HashMap::new(),
         depths: HashMap::new(),
@@ -202,8 +207,7 @@ fn bake_laid_out(
         Structure::TwoLevel { samples, inner } => {
             let outer = samples.map(|n| n as u32 - 1);
             baker.resolution = outer.map(|n| n * 2 * inner);
-            let half = prober.bounds.half;
-            Layout::Cells(Arc::new(Cells::two_level(outer, *inner, half, |low, size| baker.holds_triangle(low, size))))
+            Layout::Cells(Arc::new(baker.two_level(outer, *inner)?))
         }
         Structure::Octree { .. } => Layout::Cells(Arc::new(baker.octree()?)),
         Structure::Path { samples } => Layout::Path(*samples),
@@ -213,7 +217,7 @@ fn bake_laid_out(
         Layout::Cells(cells) => baker.cells(cells)?,
         Layout::Path(samples) => {
             let places: Vec<[f64; 3]> = tracks.iter().map(|place| bounds.local(*place).to_array()).collect();
-            let taken = baker.sample(&places, 0)?;
+            let taken = baker.sample(&places, None)?;
             baker.finish(Layout::Path(samples), places, taken.iter())
         }
     };
@@ -222,8 +226,9 @@ fn bake_laid_out(
             baker.relight(&mut baked)?;
         }
     }
-    if let Some(tracer) = baker.tracer {
-        baked.find_inside(tracer, depth_device(prober), &mut baker.counts)?;
+    // where nothing blocks, samples within geometry are as good as others
+    if let Some(transport) = prober.sampled() {
+        baked.find_inside(transport.tracer(), depth_device(prober), &mut baker.counts)?;
         if volume.repair {
             baked.repair();
         }
@@ -326,12 +331,16 @@ impl Baker<'_> {
         self.prober.bounds.world(self.position(place))
     }
 
-    /// Samples at positions; per sample its value and its slopes.
-    fn sample(&mut self, positions: &[[f64; 3]], level: u32) -> Result<Vec<Taken>, BakeError> {
-        let wanted = self.counts.taken as usize + positions.len();
-        if wanted > self.volume.budget {
-            return Err(BakeError::Budget { wanted, level, help: budget_help(self.volume.budget) });
+    fn check_budget(&self, wanted: usize, level: Option<u32>) -> Result<(), BakeError> {
+        match wanted > self.volume.budget {
+            true => Err(BakeError::Budget { wanted, level, help: budget_help(self.volume.budget) }),
+            false => Ok(()),
         }
+    }
+
+    /// Samples at positions; per sample its value and its slopes.
+    fn sample(&mut self, positions: &[[f64; 3]], level: Option<u32>) -> Result<Vec<Taken>, BakeError> {
+        self.check_budget(self.counts.taken as usize + positions.len(), level)?;
         let derivatives = [self.volume.takes_derivatives(); 3];
         let requests: Vec<SampleRequest> =
             positions.iter().map(|position| SampleRequest { position: *position, derivatives }).collect();
@@ -389,7 +398,7 @@ impl Baker<'_> {
     }
 
     /// Takes what of these places was not taken yet.
-    fn ensure(&mut self, places: impl IntoIterator<Item = Place>, level: u32) -> Result<(), BakeError> {
+    fn ensure(&mut self, places: impl IntoIterator<Item = Place>, level: Option<u32>) -> Result<(), BakeError> {
         let mut missing: Vec<Place> = places.into_iter().filter(|place| !self.taken.contains_key(place)).collect();
         missing.sort_unstable();
         missing.dedup();
@@ -404,12 +413,12 @@ impl Baker<'_> {
         let half = self.prober.bounds.half;
         let requests = crate::rig::grid_placement(samples, half, [false; 3]);
         let places: Vec<[f64; 3]> = requests.iter().map(|request| request.position).collect();
-        let taken = self.sample(&places, 0)?;
+        let taken = self.sample(&places, None)?;
         Ok(self.finish(Layout::Grid(samples), places, taken.iter()))
     }
 
     fn cells(&mut self, cells: Arc<Cells>) -> Result<BakedVolume, BakeError> {
-        self.ensure(cells.places.iter().copied(), 0)?;
+        self.ensure(cells.places.iter().copied(), None)?;
         let places: Vec<[f64; 3]> = cells.places.iter().map(|place| cells.position(*place)).collect();
         let taken: Vec<&Taken> = cells.places.iter().map(|place| &self.taken[place]).collect();
         let baked = self.finish(Layout::Cells(cells.clone()), places, taken.into_iter());
@@ -484,7 +493,7 @@ impl Baker<'_> {
         }
         // the mean by which differences are judged
         let corners: Vec<Place> = forest.leaves().iter().flat_map(|leaf| corners_of(&forest, *leaf)).collect();
-        self.ensure(corners, min_level)?;
+        self.ensure(corners, Some(min_level))?;
         // in an order of their own: the same bits each time, so that a bake that goes on asks for what its log holds
         let mut places: Vec<&Place> = self.taken.keys().collect();
         places.sort_unstable();
@@ -499,18 +508,23 @@ impl Baker<'_> {
                 Some(_) => leaves,
                 None => self.wanted(&forest, &leaves, level)?,
             };
+            // no two cells have the same low corner: there are more samples than cells
+            self.check_budget(forest.leaves().len() + 7 * divided.len() + 1, Some(level + 1))?;
             for leaf in divided {
                 forest.split(leaf);
             }
         }
         let corners: Vec<Place> = forest.leaves().iter().flat_map(|leaf| corners_of(&forest, *leaf)).collect();
-        self.ensure(corners, max_level)?;
+        self.ensure(corners, Some(max_level))?;
 
         // undo what changes nothing, from the finest cells upwards
-        for tolerance in prune.into_iter().chain(*cull) {
-            let others: Vec<Criterion> =
-                heuristic.any.iter().filter(|c| !matches!(c, Criterion::Prune { .. })).copied().collect();
-            let mut kept: std::collections::HashSet<u32> = Default::default();
+        let others: Vec<Criterion> =
+            heuristic.any.iter().filter(|c| !matches!(c, Criterion::Prune { .. })).copied().collect();
+        // another criterion of the list keeps its cells from pruning; culling comes after all of them
+        let rounds =
+            prune.map(|tolerance| (tolerance, &others[..])).into_iter().chain(cull.map(|cull| (cull, &[][..])));
+        for (tolerance, keepers) in rounds {
+            let mut kept: HashSet<u32> = HashSet::new();
             loop {
                 let candidates: Vec<u32> = forest
                     .mergeable()
@@ -520,13 +534,8 @@ impl Baker<'_> {
                 if candidates.is_empty() {
                     break;
                 }
-                // another criterion of the list keeps its cells from pruning; culling comes after all of them
-                let wanted: Vec<u32> = match prune {
-                    Some(prune) if prune == tolerance && !others.is_empty() => {
-                        self.wanted_by(&others, &forest, &candidates, max_level)?
-                    }
-                    _ => Vec::new(),
-                };
+                let wanted: HashSet<u32> =
+                    self.wanted_by(keepers, &forest, &candidates, max_level)?.into_iter().collect();
                 for node in candidates {
                     if !wanted.contains(&node) && self.changes_little(&forest, node, tolerance) {
                         forest.merge(node);
@@ -559,23 +568,17 @@ impl Baker<'_> {
             let extents: Vec<(Place, u32)> = open.iter().map(|i| forest.extent(cells[*i])).collect();
             // what it looks at
             match criterion {
-                Criterion::Error { .. } => {
+                Criterion::Error { .. } | Criterion::Gradient { .. } => {
                     let places = extents
                         .iter()
                         .flat_map(|(low, size)| corner_places(*low, *size).into_iter().chain([centre_of(*low, *size)]));
-                    self.ensure(places.collect::<Vec<_>>(), level)?;
-                }
-                Criterion::Gradient { .. } => {
-                    let places: Vec<Place> = extents
-                        .iter()
-                        .flat_map(|(low, size)| corner_places(*low, *size).into_iter().chain([centre_of(*low, *size)]))
-                        .collect();
-                    self.ensure(places, level)?;
+                    self.ensure(places.collect::<Vec<_>>(), Some(level))?;
                 }
                 Criterion::HarmonicMean { .. } | Criterion::ContainsGeometry { from: Evidence::Depth } => {
-                    self.look_around(extents.iter().map(|(low, size)| centre_of(*low, *size)).collect())?;
+                    self.look_around(&extents)?;
                 }
-                Criterion::ContainsGeometry { from: Evidence::Triangles } | Criterion::Prune { .. } => {}
+                Criterion::ContainsGeometry { from: Evidence::Triangles } => self.collect_statics(),
+                Criterion::Prune { .. } => {}
             }
             let says: Vec<bool> = extents.par_iter().map(|(low, size)| self.divides(criterion, *low, *size)).collect();
             for (index, says) in open.into_iter().zip(says) {
@@ -609,12 +612,7 @@ impl Baker<'_> {
             }
             Criterion::ContainsGeometry { from: Evidence::Triangles } => self.holds_triangle(low, size),
             Criterion::ContainsGeometry { from: Evidence::Depth } => {
-                let half = DVec3::from_array(edges) * 0.5;
-                let middle = self.position(centre);
-                self.depths.get(&centre).is_some_and(|(_, seen)| {
-                    let offset = |world: &DVec3| self.prober.bounds.local(*world) - DVec3::from_array(middle);
-                    seen.iter().any(|world| offset(world).abs().cmple(half).all())
-                })
+                self.depths.get(&centre).is_some_and(|(_, holds)| *holds)
             }
             Criterion::HarmonicMean { threshold, minimum } => self.depths.get(&centre).is_some_and(|(depths, _)| {
                 let reach = 0.5 * edges.into_iter().fold(0.0, f64::max);
@@ -673,24 +671,54 @@ impl Baker<'_> {
         })
     }
 
+    /// Whether a triangle overlaps a cell; [`Baker::collect_statics`] comes before it.
     fn holds_triangle(&self, low: Place, size: u32) -> bool {
-        let Some(tracer) = self.tracer else { return false };
         let centre = DVec3::from_array(self.position(centre_of(low, size)));
         let half = DVec3::from_array(self.edges(size)) * 0.5;
-        let bounds = &self.prober.bounds;
-        tracer
-            .triangles()
-            .iter()
-            .any(|triangle| triangle_overlaps_box(&triangle.map(|corner| bounds.local(corner) - centre), half))
+        self.statics.iter().any(|triangle| triangle_overlaps_box(&triangle.map(|corner| corner - centre), half))
     }
 
-    /// Captures depths where none were captured yet.
-    fn look_around(&mut self, places: Vec<Place>) -> Result<(), BakeError> {
+    fn collect_statics(&mut self) {
+        if let Some(tracer) = self.tracer.filter(|_| self.statics.is_empty()) {
+            let bounds = &self.prober.bounds;
+            self.statics = tracer.triangles().iter().map(|triangle| triangle.map(|c| bounds.local(c))).collect();
+        }
+    }
+
+    /// A grid of `outer` cells of which those with geometry hold `inner`^3.
+    fn two_level(&mut self, outer: Place, inner: u32) -> Result<Cells, BakeError> {
+        self.collect_statics();
+        let coarse = 2 * inner;
+        let [x, y, _] = outer;
+        let divided: Vec<bool> = (0..outer.iter().product::<u32>())
+            .into_par_iter()
+            .map(|cell| self.holds_triangle([cell % x, cell / x % y, cell / (x * y)].map(|at| at * coarse), coarse))
+            .collect();
+        // no two cells have the same low corner: there are more samples than cells
+        let (held, per) = (divided.iter().filter(|divided| **divided).count(), (inner as usize).pow(3));
+        self.check_budget(divided.len() + held * (per - 1) + 1, None)?;
+        Ok(Cells::two_level(outer, inner, self.prober.bounds.half, &divided))
+    }
+
+    /// Captures depths at the centres of cells where none were captured yet.
+    fn look_around(&mut self, cells: &[(Place, u32)]) -> Result<(), BakeError> {
         let Some(tracer) = self.tracer else { return Ok(()) };
-        let missing: Vec<Place> = places.into_iter().filter(|place| !self.depths.contains_key(place)).collect();
-        let worlds: Vec<DVec3> = missing.iter().map(|place| self.world(*place)).collect();
-        let found = capture_depths(tracer, depth_device(self.prober), &worlds, DEPTH_FACE, &mut self.counts)?;
-        self.depths.extend(missing.into_iter().zip(found));
+        let missing: Vec<(Place, u32)> = cells
+            .iter()
+            .map(|(low, size)| (centre_of(*low, *size), *size))
+            .filter(|(centre, _)| !self.depths.contains_key(centre))
+            .collect();
+        let worlds: Vec<DVec3> = missing.iter().map(|(centre, _)| self.world(*centre)).collect();
+        let holds = |cell: usize, depths: Depths, seen: &[DVec3]| {
+            let (centre, size) = missing[cell];
+            let (middle, half) = (DVec3::from_array(self.position(centre)), DVec3::from_array(self.edges(size)) * 0.5);
+            let offset = |world: &DVec3| self.prober.bounds.local(*world) - middle;
+            (depths, seen.iter().any(|world| offset(world).abs().cmple(half).all()))
+        };
+        let mut counts = self.counts;
+        let found = capture_depths(tracer, depth_device(self.prober), &worlds, DEPTH_FACE, &mut counts, holds)?;
+        self.counts = counts;
+        self.depths.extend(missing.iter().map(|(centre, _)| *centre).zip(found));
         Ok(())
     }
 }
@@ -700,26 +728,37 @@ fn depth_device<'a>(prober: &Prober<'a>) -> Option<&'a dyn ProbeDevice> {
     prober.device.filter(|_| matches!(prober.probes, Probes::Captured { on_gpu: true, .. }))
 }
 
-/// Depths around world places, and what their texels see: by rays, or by a device's rasteriser.
-fn capture_depths(
+/// Places whose captures a device hands back at once: what their texels see takes memory.
+const DEPTH_STRETCH: usize = 256;
+
+/// Depths around world places, by rays or by a device's rasteriser. `keep` gets the number of a place, its depths and the places that its
+/// texels see, and makes of them what is kept.
+fn capture_depths<K: Send>(
     tracer: &Tracer,
     device: Option<&dyn ProbeDevice>,
     places: &[DVec3],
     face: usize,
     counts: &mut BakeCounts,
-) -> Result<Vec<(Depths, Vec<DVec3>)>, BakeError> {
+    keep: impl Fn(usize, Depths, &[DVec3]) -> K + Sync,
+) -> Result<Vec<K>, BakeError> {
     let texels = texels(face);
     counts.depth_rays += (places.len() * texels.len()) as u64;
     if let Some(device) = device {
         counts.rays += Counters { draws: 6 * places.len() as u64, ..Counters::default() };
-        return device.depths(places, face as u32).map_err(BakeError::Device);
+        let mut kept = Vec::with_capacity(places.len());
+        for stretch in places.chunks(DEPTH_STRETCH) {
+            for (found, met) in device.depths(stretch, face as u32).map_err(BakeError::Device)? {
+                kept.push(keep(kept.len(), found, &met));
+            }
+        }
+        return Ok(kept);
     }
-    let look = |place: &DVec3| {
+    let look = |(number, place): (usize, &DVec3)| {
         let mut met = Vec::new();
         let found = depths(tracer, *place, &texels, |world| met.push(world));
-        (found, met)
+        keep(number, found, &met)
     };
-    Ok(places.par_iter().map(look).collect())
+    Ok(places.par_iter().enumerate().map(look).collect())
 }
 
 fn corners_of(forest: &Forest, node: u32) -> [Place; 8] {
@@ -740,8 +779,8 @@ impl BakedVolume {
         counts: &mut BakeCounts,
     ) -> Result<(), BakeError> {
         let worlds: Vec<DVec3> = self.places.iter().map(|place| self.bounds.world(*place)).collect();
-        let found = capture_depths(tracer, device, &worlds, INSIDE_FACE, counts)?;
-        self.inside = found.iter().map(|(depths, _)| depths.behind >= INSIDE_SHARE).collect();
+        let is_inside = |_: usize, depths: Depths, _: &[DVec3]| depths.behind >= INSIDE_SHARE;
+        self.inside = capture_depths(tracer, device, &worlds, INSIDE_FACE, counts, is_inside)?;
         self.counts.inside = self.inside.iter().filter(|inside| **inside).count() as u64;
         Ok(())
     }
@@ -971,9 +1010,9 @@ impl BakedVolume {
         }
     }
 
-    /// The largest jump across a face between cells, RMS over normals of the irradiance difference of its two sides at 3 x 3 places of
-    /// the face, over the mean of the samples; and that of the faces between levels alone. The nearest sample changes in the middle
-    /// between two: there it jumps by all of their difference.
+    /// The largest jump across a face between cells, RMS over normals of the irradiance difference of its two sides at 5 x 5 places of
+    /// the face, its corners among them (straight interpolations differ most there), over the mean of the samples; and that of the faces
+    /// between levels alone. The nearest sample changes in the middle between two: there it jumps by all of their difference.
     pub fn face_jump(&self) -> Option<FaceJump> {
         let (cells, vectors) = self.as_cells()?;
         let bands = Lobe::<f64>::lambert().bands().to_vec();
@@ -995,7 +1034,7 @@ impl BakedVolume {
             .par_iter()
             .map(|face| {
                 let mut largest = 0.0f64;
-                for (u, v) in (0..9).map(|k| (0.13 + 0.37 * f64::from(k % 3), 0.11 + 0.39 * f64::from(k / 3))) {
+                for (u, v) in (0..25).map(|k| (0.25 * f64::from(k % 5), 0.25 * f64::from(k / 5))) {
                     let share = |axis: usize| {
                         let flat = (0..3).find(|a| face.low[*a] == face.high[*a]).expect("a face is flat");
                         if axis == (flat + 1) % 3 { u } else { v }

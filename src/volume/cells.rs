@@ -130,8 +130,8 @@ impl Cells {
         Self { half, resolution: forest.resolution(), locator, cells, places: numbering.places, hanging }
     }
 
-    /// A grid of `outer` cells of which those that `divided` chooses hold `inner`^3 cells.
-    pub fn two_level(outer: Place, inner: u32, half: [f64; 3], divided: impl Fn(Place, u32) -> bool) -> Self {
+    /// A grid of `outer` cells, x fastest, of which those that are `divided` hold `inner`^3 cells.
+    pub fn two_level(outer: Place, inner: u32, half: [f64; 3], divided: &[bool]) -> Self {
         let mut numbering = Numbering::default();
         let mut cells = Vec::new();
         let mut first = Vec::new();
@@ -140,7 +140,7 @@ impl Cells {
             for y in 0..outer[1] {
                 for x in 0..outer[0] {
                     let low = [x * coarse, y * coarse, z * coarse];
-                    let finer = divided(low, coarse);
+                    let finer = divided[first.len()];
                     first.push(cells.len() as u32 | if finer { 0 } else { LEAF });
                     let (count, size) = if finer { (inner, 2) } else { (1, coarse) };
                     for c in 0..count * count * count {

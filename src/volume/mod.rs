@@ -26,7 +26,7 @@ pub use config::{Bounds, Lookup, Structure, Volume, VolumeFile, VolumeSetting};
 pub use heuristic::{Criterion, Evidence, Heuristic, HeuristicFile};
 pub use journal::{Asked, Journal, NoJournal, STRETCH, Stretch, Took, WithPool};
 pub use model::{Across, CellModel, VolumeModel, can_be_continuous};
-pub use overlap::{distance_to_triangle, triangle_overlaps_box};
+pub use overlap::{NearestSurface, triangle_overlaps_box};
 pub use pool::{Pooled, SamplePool};
 pub use section::Section;
 pub use shader::CellShader;

@@ -17,8 +17,77 @@ pub fn triangle_overlaps_box(triangle: &[DVec3; 3], half: DVec3) -> bool {
     !(faces || apart(edges[0].cross(edges[1])) || crosses())
 }
 
+/// Triangles sorted into boxes within boxes, for the question how far away the nearest is.
+pub struct NearestSurface {
+    triangles: Vec<[DVec3; 3]>,
+    nodes: Vec<Node>,
+}
+
+/// A box about some triangles that follow one another.
+struct Node {
+    low: DVec3,
+    high: DVec3,
+    members: std::ops::Range<usize>,
+    /// The second of two parts; the first is the next node. 0 where the triangles are few.
+    second: usize,
+}
+
+impl NearestSurface {
+    /// Triangles of a box that is not divided.
+    const FEW: usize = 4;
+
+    pub fn new(triangles: &[[DVec3; 3]]) -> Self {
+        let mut sorted = Self { triangles: triangles.to_vec(), nodes: Vec::new() };
+        if !triangles.is_empty() {
+            sorted.divide(0..triangles.len());
+        }
+        sorted
+    }
+
+    fn divide(&mut self, members: std::ops::Range<usize>) {
+        let own = &mut self.triangles[members.clone()];
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for corner in own.iter().flatten() {
+            (low, high) = (low.min(*corner), high.max(*corner));
+        }
+        let node = self.nodes.len();
+        self.nodes.push(Node { low, high, members: members.clone(), second: 0 });
+        if own.len() <= Self::FEW {
+            return;
+        }
+        let size = high - low;
+        let axis = (0..3).max_by(|a, b| size[*a].total_cmp(&size[*b])).expect("three axes");
+        let middle = |[a, b, c]: &[DVec3; 3]| a[axis] + b[axis] + c[axis];
+        let half = own.len() / 2;
+        own.select_nth_unstable_by(half, |a, b| middle(a).total_cmp(&middle(b)));
+        self.divide(members.start..members.start + half);
+        self.nodes[node].second = self.nodes.len();
+        self.divide(members.start + half..members.end);
+    }
+
+    /// Metres from a place to the nearest triangle; infinite where there is none.
+    pub fn distance(&self, place: DVec3) -> f64 {
+        let mut nearest = f64::INFINITY;
+        let mut open = Vec::from_iter((!self.nodes.is_empty()).then_some(0));
+        while let Some(index) = open.pop() {
+            let node = &self.nodes[index];
+            if (place.clamp(node.low, node.high) - place).length() > nearest {
+                continue;
+            }
+            if node.second > 0 {
+                open.extend([node.second, index + 1]);
+                continue;
+            }
+            for triangle in &self.triangles[node.members.clone()] {
+                nearest = nearest.min(distance_to_triangle(place, triangle));
+            }
+        }
+        nearest
+    }
+}
+
 /// Metres from a place to a triangle (Ericson 2005, 5.1.5, by the regions of the triangle's plane).
-pub fn distance_to_triangle(place: DVec3, [a, b, c]: &[DVec3; 3]) -> f64 {
+fn distance_to_triangle(place: DVec3, [a, b, c]: &[DVec3; 3]) -> f64 {
     let to_edge = |from: DVec3, to: DVec3| {
         let edge = to - from;
         let along = ((place - from).dot(edge) / edge.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
@@ -63,6 +132,27 @@ mod tests {
             (DVec3::new(-3.0, -4.0, 0.0), 5.0),
         ] {
             assert!((distance_to_triangle(place, &triangle) - distance).abs() < 1e-12, "{place}");
+        }
+    }
+
+    #[test]
+    fn the_nearest_of_many_is_that_of_a_search_through_all() {
+        use crate::math::{Stream, StreamPurpose};
+        let mut stream = Stream::indexed(5, StreamPurpose::Test, 1);
+        for count in [0, 1, 4, 5, 300] {
+            let soup: Vec<[DVec3; 3]> = (0..count)
+                .map(|_| {
+                    let at = 4.0 * stream.direction() * stream.uniform();
+                    std::array::from_fn(|_| at + stream.direction())
+                })
+                .collect();
+            let surface = NearestSurface::new(&soup);
+            for _ in 0..200 {
+                let place = 6.0 * stream.direction() * stream.uniform();
+                let all = soup.iter().map(|t| distance_to_triangle(place, t)).fold(f64::INFINITY, f64::min);
+                let found = surface.distance(place);
+                assert!(found == all || (found - all).abs() < 1e-12, "{count} at {place}: {found} for {all}");
+            }
         }
     }
 }

@@ -66,6 +66,196 @@ fn number(row: &BTreeMap<String, String>, column: &str) -> f64 {
     row[column].parse().unwrap_or_else(|_| panic!("{column} is `{}`", row[column]))
 }
 
+/// Rows of numbers that a query answers, by column.
+fn asked(folder: &Path, scene: &str, lights: &str, points: &str, more: &[&str]) -> Vec<BTreeMap<String, String>> {
+    write(folder, "points.csv", points);
+    let fixed = ["query", scene, "--lights", lights, "--points", "points.csv"];
+    let (code, text, said) = done(rigbench(folder).args(fixed).args(more));
+    assert_eq!(code, 0, "{more:?}: {said}");
+    csv::Reader::from_reader(text.as_bytes()).deserialize().map(|row| row.unwrap()).collect()
+}
+
+fn colour(row: &BTreeMap<String, String>) -> [f64; 3] {
+    ["r", "g", "b"].map(|channel| number(row, channel))
+}
+
+/// Radiance coefficients of order 3 at each point.
+fn coefficients(folder: &Path, scene: &str, lights: &str, points: &str, more: &[&str]) -> Vec<Vec<f64>> {
+    let rows = asked(folder, scene, lights, points, &[&["--quantity", "sh"], more].concat());
+    rows.chunks(9).map(|rows| rows.iter().flat_map(colour).collect()).collect()
+}
+
+/// RMS over normals and channels of E: the sum of (A_l L_i)^2 over 3 times 4 pi.
+fn rms(radiance: &[f64]) -> f64 {
+    use std::f64::consts::PI;
+    let factor = |i: usize| [PI, 2.0 * PI / 3.0, PI / 4.0][(i as f64).sqrt() as usize];
+    (radiance.iter().enumerate().map(|(k, x)| (factor(k / 3) * x).powi(2)).sum::<f64>() / (12.0 * PI)).sqrt()
+}
+
+/// Cells of different size that each use their own corners alone.
+const TREE: &str =
+    "octree = { bounds = \"volume\", min_level = 1, max_level = 4, heuristic = \"error\", across = \"naive\" }";
+
+/// A ball that stands in the volume between a plate and a block, neither of which does anything to light.
+const STANDING: &str = "schema_version = 1\ntitle = \"standing\"\n\
+    [[object]]\nname = \"plate\"\nshape = { quad = { center = [0.1, -0.8, 0], u = [0.5, 0, 0], v = [0, 0, -0.4] } }\n\
+    [[object]]\nname = \"block\"\nshape = { box = { min = [0.7, -0.2, -0.3], max = [0.9, 0.6, 0.2] } }\n\
+    [[object]]\nname = \"ball\"\nreceiver = true\nshape = { sphere = { center = [0.05, 0.1, -0.04], radius = 0.6 } }\n\
+    [[receiver]]\nname = \"volume\"\nbounds = { min = [-1, -1, -1], max = [1, 1, 1] }\n";
+
+/// Errors at level boundaries and by distance to geometry, point by point: values by queries, cells from the tree's boxes, distances to
+/// axis-aligned plates and boxes.
+#[test]
+fn errors_of_some_of_the_points_are_those_of_single_values() {
+    use glam::DVec3;
+    use rigbench::probe::{GradientSource, Prober, Probes};
+    use rigbench::scene::{Layout, Scene};
+    let folder = project();
+    write(folder.path(), "scenes/standing.toml", STANDING);
+    let more = "precision = [\"f64\"]\n[effects]\nmode = \"none\"\n";
+    let path = experiment(folder.path(), "standing", "two", &[("tree", TREE)], more);
+    let (code, _, said) = rigbench_does(folder.path(), &["run", &path]);
+    assert_eq!(code, 0, "{said}");
+    let row = &results(folder.path())["tree"];
+
+    let scene = Scene::load(&folder.path().join("scenes/standing.toml")).unwrap();
+    let ball = scene.receivers.iter().find(|receiver| receiver.name == "ball").unwrap();
+    let points = ball.area_points(0, 4096);
+    let text: String = points
+        .iter()
+        .map(|p| {
+            let [[x, y, z], [a, b, c]] = [p.position, p.normal].map(|v| v.to_array());
+            format!("{x},{y},{z},{a},{b},{c}\n")
+        })
+        .collect();
+    let text = format!("x,y,z,nx,ny,nz\n{text}");
+    let truth = asked(folder.path(), "standing", "two", &text, &[]);
+    let read = asked(folder.path(), "standing", "two", &text, &["--rig", TREE]);
+    assert_eq!((truth.len(), read.len()), (4096, 4096));
+    let nrmse = |chosen: &[usize]| {
+        let sum = |of: &dyn Fn(usize, usize) -> f64| -> f64 {
+            chosen.iter().flat_map(|k| (0..3).map(|c| of(*k, c).powi(2))).sum()
+        };
+        (sum(&|k, c| colour(&read[k])[c] - colour(&truth[k])[c]) / sum(&|k, c| colour(&truth[k])[c])).sqrt()
+    };
+    let all: Vec<usize> = (0..4096).collect();
+    let same = |column: &str, expected: f64| {
+        let found = number(row, column);
+        assert!((found / expected - 1.0).abs() < 1e-9, "{column}: {found} for {expected}");
+    };
+    same("nrmse", nrmse(&all));
+
+    // cells that meet a finer one over a face or an edge
+    let lights = Layout::load(&folder.path().join("scenes/lights/two.toml")).unwrap();
+    let lights = lights.lights_at(0, 1);
+    let prober = Prober {
+        bounds: rigbench::scene::OrientedBox::aligned(DVec3::NEG_ONE, DVec3::ONE),
+        order: 3,
+        lights: &lights,
+        transport: None,
+        device: None,
+        probes: Probes::Analytic,
+        gradients: GradientSource::Analytic,
+        window: rigbench::sh::Window::None,
+    };
+    let tree = rigbench::volume::bake(&rigbench::volume::Volume::inline(TREE).unwrap(), &prober).unwrap();
+    let boxes = tree.cell_boxes();
+    assert_eq!(number(row, "samples"), tree.places.len() as f64);
+    let edge = |cell: &[[f64; 3]; 2]| cell[1][0] - cell[0][0];
+    let coarser: Vec<bool> = boxes
+        .iter()
+        .map(|a| {
+            boxes.iter().filter(|b| edge(b) < 0.75 * edge(a)).any(|b| {
+                let gaps = [0, 1, 2].map(|i| a[1][i].min(b[1][i]) - a[0][i].max(b[0][i]));
+                gaps.iter().all(|gap| *gap > -1e-9) && gaps.iter().filter(|gap| **gap > 1e-9).count() >= 1
+            })
+        })
+        .collect();
+    let cell_of = |p: DVec3| {
+        let holds = |[low, high]: &[[f64; 3]; 2]| (0..3).all(|i| p[i] >= low[i] && p[i] < high[i]);
+        boxes.iter().position(holds).unwrap()
+    };
+    let boundary: Vec<usize> = all.iter().copied().filter(|k| coarser[cell_of(points[*k].position)]).collect();
+    assert!(boundary.len() > 100 && boundary.len() < 4000, "{}", boundary.len());
+    same("boundary_nrmse", nrmse(&boundary));
+
+    // quarters by distance
+    let beside = |p: DVec3, low: DVec3, high: DVec3| (p.clamp(low, high) - p).length();
+    let clearance = |k: usize| {
+        let p = points[k].position;
+        let plate = beside(p, DVec3::new(-0.4, -0.8, -0.4), DVec3::new(0.6, -0.8, 0.4));
+        plate.min(beside(p, DVec3::new(0.7, -0.2, -0.3), DVec3::new(0.9, 0.6, 0.2)))
+    };
+    let mut sorted = all.clone();
+    sorted.sort_by(|a, b| clearance(*a).total_cmp(&clearance(*b)));
+    for (quarter, name) in ["near", "second", "third", "far"].iter().enumerate() {
+        let members = &sorted[1024 * quarter..1024 * (quarter + 1)];
+        same(&format!("{name}_nrmse"), nrmse(members));
+        same(&format!("{name}_m"), members.iter().map(|k| clearance(*k)).sum::<f64>() / 1024.0);
+    }
+    assert!((number(row, "near_nrmse") / number(row, "far_nrmse") - 1.0).abs() > 0.01);
+}
+
+/// Samples along a spline, read by time: straight between two samples, with the gradient about where the object is.
+#[test]
+fn samples_along_a_spline_are_read_by_time() {
+    use glam::DVec3;
+    let folder = project();
+    let turns = [DVec3::new(-0.8, 0.1, 0.3), DVec3::new(0.2, 0.5, -0.4), DVec3::new(0.7, -0.2, 0.1)];
+    let list = turns.map(|p| format!("{:?}", p.to_array())).join(", ");
+    let scene = format!(
+        "schema_version = 1\ntitle = \"spline\"\n\
+         [[object]]\nname = \"other\"\nreceiver = true\nshape = {{ sphere = {{ center = [0, 0, 0], radius = 0.05 }} }}\n\
+         path = {{ points = [[0, 0.6, 0.6], [0.4, 0.6, 0.6]] }}\n\
+         [[object]]\nname = \"ball\"\nreceiver = true\nshape = {{ sphere = {{ center = [0, 0, 0], radius = 0.05 }} }}\n\
+         path = {{ points = [{list}], spline = true }}\n[animation]\nframes = 9\n"
+    );
+    write(folder.path(), "scenes/spline.toml", &scene);
+    // Catmull-Rom by its weights; beyond the ends it goes straight on
+    let [a, b, c] = turns;
+    let at = |time: f64| {
+        let s = 2.0 * time;
+        let (points, t) = if s < 1.0 { ([2.0 * a - b, a, b, c], s) } else { ([a, b, c, 2.0 * c - b], s - 1.0) };
+        let weights = [
+            -t + 2.0 * t * t - t.powi(3),
+            2.0 - 5.0 * t * t + 3.0 * t.powi(3),
+            t + 4.0 * t * t - 3.0 * t.powi(3),
+            -t * t + t.powi(3),
+        ];
+        points.iter().zip(weights).map(|(p, w)| *p * (0.5 * w)).sum::<DVec3>()
+    };
+    let csv = |places: &[DVec3]| {
+        let rows: String = places.iter().map(|p| format!("{},{},{}\n", p.x, p.y, p.z)).collect();
+        format!("x,y,z\n{rows}")
+    };
+    let samples: Vec<DVec3> = (0..5).map(|k| at(f64::from(k) / 4.0)).collect();
+    let values = coefficients(folder.path(), "spline", "two", &csv(&samples), &[]);
+    let slopes = asked(folder.path(), "spline", "two", &csv(&samples), &["--quantity", "sh-gradient"]);
+    // 27 rows a sample, axis by axis
+    let slope = |sample: usize, axis: usize, k: usize| colour(&slopes[27 * sample + 9 * axis + k / 3])[k % 3];
+    for frame in [0, 1, 2, 3, 5, 8] {
+        let time = f64::from(frame) / 8.0;
+        let centre = at(time);
+        let asked = [centre, centre + DVec3::new(0.03, -0.02, 0.04)];
+        let more = ["--rig", "path = { samples = 5 }", "--receiver", "ball", "--frame", &frame.to_string()];
+        let found = coefficients(folder.path(), "spline", "two", &csv(&asked), &more);
+        let lower = ((4.0 * time) as usize).min(3);
+        let t = 4.0 * time - lower as f64;
+        let mix = |of: &dyn Fn(usize) -> f64| (1.0 - t) * of(lower) + t * of(lower + 1);
+        for (place, found) in asked.iter().zip(&found) {
+            let d = *place - centre;
+            for (k, found) in found.iter().enumerate() {
+                let expected =
+                    mix(&|s| values[s][k]) + (0..3).map(|axis| d[axis] * mix(&|s| slope(s, axis, k))).sum::<f64>();
+                assert!((found - expected).abs() < 1e-9, "frame {frame}, {k}: {found} for {expected}");
+            }
+        }
+        // by time and not by place: the other object's samples are others
+        let more = ["--rig", "path = { samples = 5 }", "--receiver", "other", "--frame", &frame.to_string()];
+        assert!((coefficients(folder.path(), "spline", "two", &csv(&asked), &more)[0][0] - found[0][0]).abs() > 1e-6);
+    }
+}
+
 #[test]
 fn leaked_light_by_known_shares() {
     let folder = project();
@@ -117,39 +307,14 @@ fn a_planted_jump_is_found_on_the_way_and_across_faces() {
         ),
         ("straight", "grid = { bounds = \"volume\", samples = [2, 1, 1] }"),
         ("corners", "grid = { bounds = \"volume\", samples = [2, 2, 2], interpolation = \"nearest\" }"),
+        ("tree", TREE),
     ];
     let path = experiment(folder.path(), "way", "two", &rigs, "");
     let (code, _, said) = rigbench_does(folder.path(), &["run", &path]);
     assert_eq!(code, 0, "{said}");
     let rows = results(folder.path());
     // the samples themselves, by another command
-    write(folder.path(), "points.csv", "x,y,z\n-1,0,0\n1,0,0\n");
-    let (code, text, said) = done(rigbench(folder.path()).args([
-        "query",
-        "way",
-        "--lights",
-        "two",
-        "--points",
-        "points.csv",
-        "--quantity",
-        "sh",
-    ]));
-    assert_eq!(code, 0, "{said}");
-    let mut vectors = [vec![0.0f64; 27], vec![0.0; 27]];
-    let mut reader = csv::Reader::from_reader(text.as_bytes());
-    for row in reader.deserialize() {
-        let row: BTreeMap<String, f64> = row.unwrap();
-        let (side, i) = (usize::from(row["x"] > 0.0), row["i"] as usize);
-        for (channel, name) in ["r", "g", "b"].iter().enumerate() {
-            vectors[side][3 * i + channel] = row[*name];
-        }
-    }
-    // RMS over normals and channels of E: the sum of (A_l L_i)^2 over 3 times 4 pi
-    use std::f64::consts::PI;
-    let rms = |v: &[f64]| {
-        let factor = |i: usize| [PI, 2.0 * PI / 3.0, PI / 4.0][(i as f64).sqrt() as usize];
-        (v.iter().enumerate().map(|(k, x)| (factor(k / 3) * x).powi(2)).sum::<f64>() / (12.0 * PI)).sqrt()
-    };
+    let vectors = coefficients(folder.path(), "way", "two", "x,y,z\n-1,0,0\n1,0,0\n", &[]);
     let apart: Vec<f64> = vectors[0].iter().zip(&vectors[1]).map(|(a, b)| a - b).collect();
     let expected = rms(&apart) / (0.5 * (rms(&vectors[0]) + rms(&vectors[1])));
     let jump = |rig: &str| number(&rows[rig], "path_jump");
@@ -158,6 +323,17 @@ fn a_planted_jump_is_found_on_the_way_and_across_faces() {
     // half of the way in the first frame, less half of the quarter that follows
     assert!((jump("smoothed") / expected - 0.375).abs() < 2e-3, "{} of {expected}", jump("smoothed"));
     assert!(jump("straight") < 1e-3 * expected, "{}", jump("straight"));
+    // a tree whose cells use their own corners alone: every step of the walk as a value of its own
+    let places: String = (0..4096).map(|k| format!("{},0.4,0.4\n", -0.9 + 1.8 * f64::from(k) / 4095.0)).collect();
+    let seen = coefficients(folder.path(), "way", "two", &format!("x,y,z\n{places}"), &["--rig", TREE]);
+    let change = |step: usize| -> Vec<f64> { seen[step + 1].iter().zip(&seen[step]).map(|(a, b)| a - b).collect() };
+    let uneven = |step: usize| {
+        let around = [change(step - 1), change(step), change(step + 1)];
+        rms(&(0..27).map(|k| around[1][k] - 0.5 * (around[0][k] + around[2][k])).collect::<Vec<_>>())
+    };
+    let largest = (1..4094).map(uneven).fold(0.0, f64::max);
+    let expected = largest / (seen.iter().map(|v| rms(v)).sum::<f64>() / 4096.0);
+    assert!(expected > 1e-3 && (jump("tree") / expected - 1.0).abs() < 1e-6, "{} for {expected}", jump("tree"));
     assert!(number(&rows["corners"], "face_jump") > 0.0);
     assert_eq!(rows["corners"]["level_jump"].parse::<f64>().unwrap(), 0.0);
     // the walk is there for the figure

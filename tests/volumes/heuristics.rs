@@ -3,12 +3,13 @@
 use std::collections::{BTreeSet, HashMap};
 
 use glam::DVec3;
-use rigbench::light::Light;
+use rigbench::light::{Disk, Light, Sphere};
+use rigbench::math::{Rgb, Stream, StreamPurpose, Vector3};
 use rigbench::probe::{Prober, Probes, SampleRequest, depths, texels};
-use rigbench::trace::{Effects, Effort, Tracer, Transport};
-use rigbench::volume::{BakedVolume, Volume, bake};
+use rigbench::trace::{Effects, Effort, TracedGeometry, Tracer, Transport};
+use rigbench::volume::{BakeError, BakedVolume, Criterion, Evidence, Structure, Volume, bake};
 
-use super::{BOX, block, cells, lights, prober, surroundings};
+use super::{BOX, block, cells, grey, lights, prober, surroundings};
 
 /// Half edges of the finest cell of these trees, along an axis.
 const DEEPEST: u32 = 4;
@@ -73,12 +74,16 @@ struct Field<'a> {
     prober: &'a Prober<'a>,
     known: HashMap<[u32; 3], Vec<f64>>,
     mean: f64,
+    /// Share of the mean that differences are held against at least.
+    floor: f64,
+    /// Share of the corners' derivatives in what they give at a centre.
+    share: f64,
 }
 
 impl<'a> Field<'a> {
     /// The mean is over the corners of the cells of the least level.
     fn new(prober: &'a Prober<'a>, least: &BTreeSet<Cube>) -> Self {
-        let mut field = Self { prober, known: HashMap::new(), mean: 0.0 };
+        let mut field = Self { prober, known: HashMap::new(), mean: 0.0, floor: 0.01, share: 0.0 };
         let places: BTreeSet<[u32; 3]> = least.iter().flat_map(|cube| corners(*cube)).collect();
         let sum: f64 = places.iter().map(|place| rms(&field.value(*place))).sum();
         field.mean = sum / places.len() as f64;
@@ -107,7 +112,7 @@ impl<'a> Field<'a> {
     }
 
     fn local(&self, value: &[f64]) -> f64 {
-        rms(value).max(0.01 * self.mean)
+        rms(value).max(self.floor * self.mean)
     }
 
     fn edges(&self, size: u32) -> [f64; 3] {
@@ -126,7 +131,19 @@ impl<'a> Field<'a> {
 
     fn error(&mut self, cube: Cube, threshold: f64) -> bool {
         let truth = self.value(centre(cube));
-        apart(&self.between(cube, [0.5; 3]), &truth) > threshold * self.local(&truth)
+        let mut guess = self.between(cube, [0.5; 3]);
+        // each corner adds a share of its first-order change to the centre, an eighth of it
+        let edges = self.edges(cube.1);
+        for (k, corner) in corners(cube).into_iter().enumerate() {
+            let all = self.all(corner);
+            for axis in 0..3 {
+                let step = if k >> axis & 1 == 1 { -0.5 } else { 0.5 } * edges[axis];
+                for (i, sum) in guess.iter_mut().enumerate() {
+                    *sum += 0.125 * self.share * step * all[27 * (axis + 1) + i];
+                }
+            }
+        }
+        apart(&guess, &truth) > threshold * self.local(&truth)
     }
 
     fn gradient(&mut self, cube: Cube, threshold: f64) -> bool {
@@ -227,6 +244,14 @@ fn octree(heuristic: &str, min_level: u32, rest: &str) -> Volume {
     .unwrap()
 }
 
+fn divided_by(any: Vec<Criterion>, rest: &str) -> Volume {
+    let mut volume = octree("error", 1, rest);
+    if let Structure::Octree { heuristic, .. } = &mut volume.structure {
+        heuristic.any = any;
+    }
+    volume
+}
+
 /// Holds a tree to one that was built here, and sees that another threshold makes another.
 fn holds(what: &str, volume: &BakedVolume, expected: BTreeSet<Cube>, planted: BTreeSet<Cube>) {
     let found = tree(volume);
@@ -253,12 +278,8 @@ fn trees_by_error_gradient_and_their_combination() {
     holds("gradient", &volume, by(&mut field, 0.2), by(&mut field, 0.4));
 
     // any of a list
-    let mut either = octree("error", 1, "");
-    if let rigbench::volume::Structure::Octree { heuristic, .. } = &mut either.structure {
-        use rigbench::volume::Criterion;
-        heuristic.any = vec![Criterion::Error { threshold: 0.1 }, Criterion::Gradient { threshold: 0.9 }];
-    }
-    let volume = bake(&either, &around).unwrap();
+    let either = vec![Criterion::Error { threshold: 0.1 }, Criterion::Gradient { threshold: 0.9 }];
+    let volume = bake(&divided_by(either, ""), &around).unwrap();
     let expected = balanced(divided(&least, |cube| field.error(cube, 0.1) || field.gradient(cube, 0.9)));
     let one_alone = balanced(divided(&least, |cube| field.error(cube, 0.1)));
     holds("any", &volume, expected, one_alone);
@@ -285,6 +306,239 @@ fn trees_that_are_pruned_and_culled() {
         balanced(merged(fine, largest, |cube| field.needs_no_parts(cube, tolerance)))
     };
     holds("cull", &volume, by(&mut field, 0.1), by(&mut field, 0.02));
+}
+
+/// In a half of the box that hardly any light reaches, differences are held against 1 % of the mean and not against the little there is.
+#[test]
+fn what_lies_in_the_dark_is_held_against_the_mean() {
+    // the disk's back is turned to the right half, in which there is a lamp as weak as a candle
+    let lights: Vec<Light<f64>> = vec![
+        Light::Disk(Disk {
+            center: Vector3::new(0.0, 1.6, 0.2),
+            normal: Vector3::new(-1.0, 0.0, 0.0),
+            radius: 0.5,
+            radiance: Rgb::new(9.0, 6.0, 3.0),
+        }),
+        Light::Sphere(Sphere {
+            center: Vector3::new(1.2, 1.05, 1.4),
+            radius: 0.2,
+            radiance: Rgb::new(6e-3, 9e-3, 3e-3),
+        }),
+    ];
+    let around = prober(&lights, None, Probes::Analytic);
+    let least = least_level(1);
+    let mut field = Field::new(&around, &least);
+    type Says = fn(&mut Field, Cube) -> bool;
+    let cases: [(&str, Says); 2] =
+        [("error", |f, cube| f.error(cube, 0.05)), ("gradient", |f, cube| f.gradient(cube, 0.2))];
+    for (word, says) in cases {
+        let volume = bake(&octree(word, 1, ""), &around).unwrap();
+        let mut by = |floor: f64| {
+            field.floor = floor;
+            balanced(divided(&least, |cube| says(&mut field, cube)))
+        };
+        let expected = by(0.01);
+        for wrong in [0.0, 0.003, 0.03] {
+            holds(word, &volume, expected.clone(), by(wrong));
+        }
+    }
+}
+
+/// The interpolated centre is that of the volume's own interpolation.
+#[test]
+fn trees_by_the_error_of_each_interpolation() {
+    let lights = lights();
+    let around = prober(&lights, None, Probes::Analytic);
+    let least = least_level(1);
+    let mut field = Field::new(&around, &least);
+    // in the middle of a cell a cubic Hermite is half of the gradients too
+    for (interpolation, share) in [("gradient_corrected", 1.0), ("half_gradient", 0.5), ("tricubic", 0.5)] {
+        let rest = format!(", interpolation = \"{interpolation}\"");
+        let volume = bake(&divided_by(vec![Criterion::Error { threshold: 0.02 }], &rest), &around).unwrap();
+        let mut by = |share: f64| {
+            field.share = share;
+            balanced(divided(&least, |cube| field.error(cube, 0.02)))
+        };
+        holds(interpolation, &volume, by(share), by(0.0));
+    }
+}
+
+/// Pruning spares what another criterion of the list wants, culling does not, whatever their tolerances.
+#[test]
+fn pruning_beside_other_criteria() {
+    let lights = lights();
+    let around = prober(&lights, None, Probes::Analytic);
+    let least = least_level(1);
+    let mut field = Field::new(&around, &least);
+    let list = vec![Criterion::Prune { threshold: 0.05 }, Criterion::Error { threshold: 0.01 }];
+    let mut by = |spared: f64| {
+        let all = divided(&least, |_| true);
+        balanced(merged(all, UNITS / 2, |cube| field.needs_no_parts(cube, 0.05) && !field.error(cube, spared)))
+    };
+    let (expected, alone) = (by(0.01), by(f64::INFINITY));
+    holds(
+        "prune beside error",
+        &bake(&divided_by(list.clone(), ""), &around).unwrap(),
+        expected.clone(),
+        alone.clone(),
+    );
+    holds("culled by as much", &bake(&divided_by(list, ", cull = 0.05"), &around).unwrap(), alone, expected);
+}
+
+/// What is left of a triangle within a box, cut by one plane after the other.
+fn is_met(triangle: &[DVec3; 3], low: DVec3, high: DVec3) -> bool {
+    let mut polygon = triangle.to_vec();
+    for axis in 0..3 {
+        for (side, end) in [(-1.0, low[axis]), (1.0, high[axis])] {
+            let beyond = |p: &DVec3| side * (p[axis] - end);
+            let mut left = Vec::new();
+            for (k, p) in polygon.iter().enumerate() {
+                let q = polygon[(k + 1) % polygon.len()];
+                let (from, to) = (beyond(p), beyond(&q));
+                if from <= 0.0 {
+                    left.push(*p);
+                }
+                if (from < 0.0) != (to < 0.0) && from != to {
+                    left.push(*p + (q - *p) * (from / (from - to)));
+                }
+            }
+            polygon = left;
+            if polygon.is_empty() {
+                return false;
+            }
+        }
+    }
+    true
+}
+
+/// Large and small triangles that stand askew.
+fn soup() -> TracedGeometry {
+    let mut stream = Stream::indexed(11, StreamPurpose::Test, 4);
+    let mut geometry = TracedGeometry::default();
+    let triangles: Vec<[DVec3; 3]> = (0..14)
+        .map(|k| {
+            let size = if k % 4 == 0 { 0.5 } else { 0.06 };
+            let at = DVec3::new(0.1, 0.2, 0.3) + 0.9 * stream.direction() * stream.uniform();
+            std::array::from_fn(|_| at + size * stream.direction())
+        })
+        .collect();
+    geometry.add(grey(0.5), triangles);
+    geometry
+}
+
+/// Cells with triangles, by cutting each to each cell; whether or not the scene's geometry does anything to light.
+#[test]
+fn trees_and_nested_grids_by_triangles() {
+    let geometry = soup();
+    let tracer = Tracer::new(&geometry);
+    let lights = lights();
+    let least = least_level(1);
+    for effects in [Effects::NONE, Effects::SHADOWS] {
+        let transport = Transport::new(&tracer, &lights, effects);
+        let around = prober(&lights, Some(&transport), Probes::Traced { effort: Effort::Samples(2), seed: 1 });
+        let field = Field { prober: &around, known: HashMap::new(), mean: 0.0, floor: 0.0, share: 0.0 };
+        let held = |cube: Cube, from: usize| {
+            let [low, high] =
+                [cube.0, cube.0.map(|u| u + cube.1)].map(|place| around.bounds.world(field.metres(place)));
+            geometry.triangles[from..].iter().any(|triangle| is_met(triangle, low, high))
+        };
+        let volume = bake(&octree("contains_geometry", 1, ""), &around).unwrap();
+        let by = |from: usize| balanced(divided(&least, |cube| held(cube, from)));
+        holds("triangles", &volume, by(0), by(3));
+        // samples that nothing blocks are the lights' closed forms, and none lies inside
+        let exact = bake(&volume.volume, &prober(&lights, None, Probes::Analytic)).unwrap();
+        assert_eq!(volume.counts.rays.rays() > 0, effects == Effects::SHADOWS);
+        assert!(exact.places.len() < volume.places.len());
+        if effects == Effects::NONE {
+            assert_eq!((volume.counts.depth_rays, volume.counts.inside), (0, 0));
+            assert!(exact.values.vector(0).iter().zip(volume.values.vector(0)).all(|(a, b)| a == b));
+        }
+
+        // 4 x 2 x 4 cells of which each with geometry holds 4 x 4 x 4
+        let table = format!("two_level = {{ {BOX}, samples = [5, 3, 5], inner = 4 }}");
+        let volume = bake(&Volume::inline(&table).unwrap(), &around).unwrap();
+        let half = around.bounds.half;
+        let at = |units: [u32; 3]| -> DVec3 {
+            let share = [units[0] as f64 / 16.0, units[1] as f64 / 8.0, units[2] as f64 / 16.0];
+            around.bounds.world(std::array::from_fn(|a| half[a] * (share[a] - 1.0)))
+        };
+        let mut expected = BTreeSet::new();
+        let mut divided = 0;
+        for k in 0..32u32 {
+            let low = [k % 4, k / 4 % 2, k / 8].map(|u| 8 * u);
+            let [from, to] = [low, low.map(|u| u + 8)].map(at);
+            match geometry.triangles.iter().any(|triangle| is_met(triangle, from, to)) {
+                false => drop(expected.insert((low, 8))),
+                true => {
+                    divided += 1;
+                    expected.extend(parts((low, 8)).into_iter().flat_map(parts));
+                }
+            }
+        }
+        assert!(divided > 3 && divided < 29, "{divided}");
+        assert_eq!(tree(&volume), expected);
+    }
+}
+
+/// One sample for each place at which cells have a corner, and no other.
+#[test]
+fn samples_are_the_distinct_corners_of_the_cells() {
+    for table in [
+        format!("octree = {{ {BOX}, min_level = 0, max_level = 5, heuristic = \"error\", roots = [2, 1, 1] }}"),
+        format!("octree = {{ {BOX}, min_level = 0, max_level = 5, heuristic = \"error\", across = \"naive\" }}"),
+        format!("two_level = {{ {BOX}, samples = [3, 4, 2], inner = 3 }}"),
+    ] {
+        let tracer = Tracer::new(&block());
+        let lights = lights();
+        let transport = Transport::new(&tracer, &lights, Effects::NONE);
+        let volume =
+            bake(&Volume::inline(&table).unwrap(), &prober(&lights, Some(&transport), Probes::Analytic)).unwrap();
+        let distinct: BTreeSet<[u32; 3]> =
+            cells(&volume).cells.iter().flat_map(|cell| corners((cell.low, cell.size))).collect();
+        assert_eq!(distinct.len(), volume.places.len(), "{table}");
+        assert_eq!(volume.counts.samples as usize, distinct.len());
+        for cell in &cells(&volume).cells {
+            for (sample, place) in cell.corners.iter().zip(corners((cell.low, cell.size))) {
+                let metres = cells(&volume).position(place);
+                assert_eq!(volume.places[*sample as usize], metres, "{table}");
+            }
+        }
+    }
+}
+
+/// A tree or a nested grid that would burst the budget says so before it is built: what it would hold fits into no memory.
+#[test]
+fn geometry_that_would_burst_the_budget_is_told_before_it_is_built() {
+    let mut sheet = TracedGeometry::default();
+    for k in 0..40 {
+        sheet.add_quad(grey(0.5), DVec3::new(0.05 * f64::from(k) - 1.0, 0.15, 0.2), DVec3::Y * 3.0, DVec3::Z * 3.0);
+    }
+    let tracer = Tracer::new(&sheet);
+    let lights = lights();
+    let transport = Transport::new(&tracer, &lights, Effects::SHADOWS);
+    let around = prober(&lights, Some(&transport), Probes::Traced { effort: Effort::Samples(1), seed: 1 });
+    for (table, level) in [
+        (format!("two_level = {{ {BOX}, samples = [40, 40, 40], inner = 64 }}"), None),
+        (octree_to_level_twelve("contains_geometry", 2000), Some(4)),
+        (octree_to_level_twelve("harmonic_mean", 100), Some(2)),
+    ] {
+        let begun = std::time::Instant::now();
+        match bake(&Volume::inline(&table).unwrap(), &around) {
+            Err(error @ BakeError::Budget { .. }) => {
+                let text = error.to_string();
+                let BakeError::Budget { wanted, level: found, .. } = error else { unreachable!("as was matched") };
+                assert!(wanted > 100 && text.contains("budget = N"), "{table}: {text}");
+                assert_eq!(found, level, "{table}: {text}");
+                assert_eq!(text.contains("at level"), level.is_some(), "{text}");
+            }
+            other => panic!("{table}: {:?}", other.map(|volume| volume.counts)),
+        }
+        assert!(begun.elapsed().as_secs() < 20, "{table}");
+    }
+}
+
+fn octree_to_level_twelve(heuristic: &str, budget: usize) -> String {
+    format!("octree = {{ {BOX}, min_level = 0, max_level = 12, heuristic = \"{heuristic}\", budget = {budget} }}")
 }
 
 #[test]
@@ -314,14 +568,7 @@ fn trees_by_depth() {
     };
     holds("harmonic mean with the least depth", &volume, by(0.5, true), by(0.5, false));
 
-    let with = |criterion: rigbench::volume::Criterion| {
-        let mut volume = octree("error", 1, "");
-        if let rigbench::volume::Structure::Octree { heuristic, .. } = &mut volume.structure {
-            heuristic.any = vec![criterion];
-        }
-        bake(&volume, &around).unwrap()
-    };
-    use rigbench::volume::{Criterion, Evidence};
+    let with = |criterion: Criterion| bake(&divided_by(vec![criterion], ""), &around).unwrap();
     let volume = with(Criterion::HarmonicMean { threshold: 0.25, minimum: false });
     holds("harmonic mean alone", &volume, by(0.25, false), by(0.5, false));
 
@@ -378,4 +625,73 @@ fn dilation_takes_the_mean_of_what_lies_outside() {
         }
     }
     assert!(checked > 5, "{checked}");
+}
+
+/// Among cells of different size neighbours are the ends of cells' edges.
+#[test]
+fn dilation_in_trees_and_nested_grids() {
+    let tracer = Tracer::new(&block());
+    let lights = lights();
+    let transport = Transport::new(&tracer, &lights, Effects::SHADOWS);
+    let around = prober(&lights, Some(&transport), Probes::Traced { effort: Effort::Samples(32), seed: 1 });
+    for structure in [
+        format!(
+            "octree = {{ {BOX}, min_level = 2, max_level = 4, heuristic = \"contains_geometry\", interpolation = \"half_gradient\""
+        ),
+        format!("two_level = {{ {BOX}, samples = [5, 5, 5], inner = 3, interpolation = \"half_gradient\""),
+    ] {
+        let with = |repair: bool| {
+            bake(&Volume::inline(&format!("{structure}, repair = {repair} }}")).unwrap(), &around).unwrap()
+        };
+        let (plain, repaired) = (with(false), with(true));
+        // inside, as the block's own coordinates say
+        let (low, high) = (DVec3::new(-0.7, -0.4, -0.5), DVec3::new(-0.1, 0.2, 0.1));
+        for (place, inside) in plain.places.iter().zip(&plain.inside) {
+            let p = plain.bounds.world(*place);
+            assert_eq!(*inside, p.cmpgt(low).all() && p.cmplt(high).all(), "{structure}: {p}");
+        }
+        let mut neighbours: HashMap<u32, BTreeSet<u32>> = HashMap::new();
+        for cell in &cells(&plain).cells {
+            for (a, b) in (0..8usize).flat_map(|a| (0..8usize).map(move |b| (a, b))) {
+                if (a ^ b).count_ones() == 1 {
+                    neighbours.entry(cell.corners[a]).or_default().insert(cell.corners[b]);
+                }
+            }
+        }
+        let (mut known, mut values) = (plain.inside.iter().map(|i| !i).collect::<Vec<_>>(), plain.values.clone());
+        let mut rounds = 0;
+        while known.contains(&false) {
+            rounds += 1;
+            let mut next = known.clone();
+            for sample in (0..known.len()).filter(|s| !known[*s]) {
+                let from: Vec<usize> =
+                    neighbours[&(sample as u32)].iter().map(|n| *n as usize).filter(|n| known[*n]).collect();
+                if from.is_empty() {
+                    continue;
+                }
+                for k in 0..27 {
+                    let sum: f64 = from.iter().map(|n| values.vector(*n)[k]).sum();
+                    values.data[27 * sample + k] = sum / from.len() as f64;
+                }
+                next[sample] = true;
+            }
+            assert_ne!(known, next, "every sample is reached");
+            known = next;
+        }
+        assert!(rounds > 1, "{structure}: some are reached by way of others");
+        let scale = plain.values.data.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+        for (a, b) in repaired.values.data.iter().zip(&values.data) {
+            assert!((a - b).abs() < 1e-12 * scale, "{structure}: {a} for {b}");
+        }
+        let (slopes, own) = (repaired.slopes.as_ref().unwrap(), plain.slopes.as_ref().unwrap());
+        for (sample, inside) in plain.inside.iter().enumerate() {
+            let rows = 3 * 27 * sample..3 * 27 * (sample + 1);
+            match inside {
+                true => assert!(slopes.data[rows].iter().all(|slope| *slope == 0.0)),
+                false => assert_eq!(slopes.data[rows.clone()], own.data[rows]),
+            }
+        }
+        assert_eq!(repaired.counts.repaired, plain.inside.iter().filter(|inside| **inside).count() as u64);
+        assert_eq!((plain.counts.repaired, plain.counts.inside), (0, repaired.counts.repaired));
+    }
 }

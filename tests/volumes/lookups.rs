@@ -105,6 +105,53 @@ fn jumps_of_grids_by_each_interpolation() {
     assert!((found.all - largest).abs() < 1e-12 && largest > 0.1, "{found:?} for {largest}");
 }
 
+/// Faces between levels by a search through all pairs of cells, each cell by its own eight corners: where these are straight, two cells
+/// differ most at a corner of what they share.
+#[test]
+fn the_largest_jump_across_a_face_by_all_pairs_of_cells() {
+    use std::collections::HashMap;
+    let volume = baked(&octree("interpolation = \"trilinear\", across = \"naive\""));
+    let bands = rigbench::sh::Lobe::<f64>::lambert().bands().to_vec();
+    let rms = |values: &[f64]| rigbench::volume::rms_over_normals(values, &bands);
+    let sample_at: HashMap<[u64; 3], usize> =
+        volume.places.iter().enumerate().map(|(i, place)| (place.map(f64::to_bits), i)).collect();
+    let boxes = volume.cell_boxes();
+    let own = |[low, high]: &[[f64; 3]; 2], q: [f64; 3]| -> Vec<f64> {
+        let mut sum = vec![0.0; 27];
+        for k in 0..8usize {
+            let corner: [f64; 3] = std::array::from_fn(|a| if k >> a & 1 == 1 { high[a] } else { low[a] });
+            let weight: f64 = (0..3)
+                .map(|a| {
+                    let share = (q[a] - low[a]) / (high[a] - low[a]);
+                    if k >> a & 1 == 1 { share } else { 1.0 - share }
+                })
+                .product();
+            let sample = volume.values.vector(sample_at[&corner.map(f64::to_bits)]);
+            sum.iter_mut().zip(sample).for_each(|(s, v)| *s += weight * v);
+        }
+        sum
+    };
+    let mut largest = 0.0f64;
+    for (k, a) in boxes.iter().enumerate() {
+        for b in &boxes[..k] {
+            let shared: [[f64; 2]; 3] = std::array::from_fn(|i| [a[0][i].max(b[0][i]), a[1][i].min(b[1][i])]);
+            let flat = shared.iter().filter(|[low, high]| low == high).count();
+            if flat != 1 || shared.iter().any(|[low, high]| low > high) {
+                continue;
+            }
+            for corner in 0..8usize {
+                let q = std::array::from_fn(|i| shared[i][corner >> i & 1]);
+                let apart: Vec<f64> = own(a, q).iter().zip(own(b, q)).map(|(a, b)| a - b).collect();
+                largest = largest.max(rms(&apart));
+            }
+        }
+    }
+    let mean = (0..volume.places.len()).map(|i| rms(volume.values.vector(i))).sum::<f64>() / volume.places.len() as f64;
+    let found = volume.face_jump().unwrap();
+    assert!((found.all / (largest / mean) - 1.0).abs() < 1e-9, "{found:?} for {}", largest / mean);
+    assert!(largest > 0.0 && found.between_levels == found.all);
+}
+
 fn quad_mesh() -> Mesh {
     Mesh {
         positions: vec![

@@ -163,7 +163,9 @@ fn answer(args: &Query, out: &mut dyn Write) -> Result<(), Failure> {
     let bounds = receiver.map(|receiver| receiver.oriented_box(args.frame));
     let choice = EffectsChoice::parse(&args.effects).map_err(Failure::usage)?;
     let effects = choice.resolve(&SceneFacts::of(&scene, lights.len())).0;
-    let statics = if effects == Effects::NONE { &[][..] } else { &scene.statics[..] };
+    // geometry that does nothing to light still tells volumes which cells hold any
+    let is_met = effects != Effects::NONE || matches!(model, Model::Volume(_));
+    let statics = if is_met { &scene.statics[..] } else { &[][..] };
     let tracer = Tracer::new(&TracedGeometry::of_statics(statics));
     let lighting = Lighting {
         lights: &lights,

@@ -49,7 +49,7 @@ pub(super) fn values(
         bounds,
         order: usize::from(args.order),
         lights: lighting.lights,
-        transport: lighting.is_sampled().then_some(&transport),
+        transport: (lighting.tracer.triangle_count() > 0).then_some(&transport),
         device: None,
         probes: Probes::Analytic,
         gradients: GradientSource::Analytic,
