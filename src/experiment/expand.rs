@@ -417,7 +417,12 @@ impl<'s> Expansion<'s> {
     /// A volume's box must be one of the scene.
     fn check_bounds(&self, definition: &RigDefinition, draft: &Draft) -> Result<(), InputError> {
         if let (Some(Placed::Volume(volume)), Some(scene)) = (draft.rig.as_ref().map(|rig| &rig.method), &draft.scene) {
-            volume.bounds.resolve(scene).map_err(|why| self.source.error(definition.span.clone(), why))?;
+            let place = match &definition.file {
+                DefinitionFile::Volume(file) => file.bounds_place(),
+                DefinitionFile::Rig(_) => None,
+            };
+            let place = place.unwrap_or_else(|| definition.span.clone());
+            volume.bounds.resolve(scene).map_err(|why| self.source.error(place, why))?;
         }
         Ok(())
     }

@@ -207,7 +207,21 @@ fn rig_definitions(tree: &mut toml::de::DeTable<'_>, source: &Source) -> Result<
             }
         };
         let is_volume = match table.get_ref() {
-            DeValue::Table(keys) => keys.keys().any(|key| VolumeFile::KEYS.contains(&key.get_ref().as_ref())),
+            DeValue::Table(keys) => {
+                let among = |known: &[&str]| keys.keys().find(|key| known.contains(&key.get_ref().as_ref()));
+                let known = AnyRig::KEYS.iter().chain(&VolumeFile::KEYS).copied();
+                let stranger = keys.keys().find(|key| known.clone().all(|known| known != key.get_ref().as_ref()));
+                if let Some(stranger) = stranger {
+                    return Err(source.unknown_word(stranger.span(), "rig", stranger.get_ref(), known));
+                }
+                match (among(&VolumeFile::KEYS), among(AnyRig::KEYS)) {
+                    (Some(volume), Some(rig)) => {
+                        let message = format!("`{}` and `{}` in one rig; a rig has one key", volume.get_ref(), rig.get_ref());
+                        return Err(source.error(rig.span(), message));
+                    }
+                    (volume, _) => volume.is_some(),
+                }
+            }
             _ => false,
         };
         // every definition is checked, used or not; volumes once their heuristics are known

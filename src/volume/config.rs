@@ -18,6 +18,8 @@ use crate::scene::{OrientedBox, Scene};
 const BUDGET: usize = 100_000;
 /// The most that a table may allow.
 const MOST_BUDGET: usize = 16_000_000;
+/// Metres along an axis of a volume's box, least and most: beyond them no number has digits left for its cells.
+const EXTENTS: [f64; 2] = [1e-6, 1e9];
 /// The deepest octree.
 const MOST_LEVEL: u32 = 12;
 
@@ -54,11 +56,24 @@ impl Bounds {
                 }
             },
         };
-        if found.half.iter().any(|half| *half <= 0.0) {
-            let size = found.half.map(|half| 2.0 * half);
-            return Err(format!("the volume's box is empty: {} x {} x {} m", size[0], size[1], size[2]));
+        let [x, y, z] = found.half.map(|half| 2.0 * half);
+        let [least, most] = EXTENTS;
+        if [x, y, z].iter().any(|extent| *extent <= 0.0) {
+            return Err(format!("{self} is empty: {x} x {y} x {z} m"));
+        }
+        if [x, y, z].iter().any(|extent| !(least..=most).contains(extent)) {
+            return Err(format!("{self} is {x} x {y} x {z} m; allowed: {least:e} to {most:e} m along each axis"));
         }
         Ok(found)
+    }
+}
+
+impl std::fmt::Display for Bounds {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Bounds::Receiver(name) => write!(f, "the box of `{name}`"),
+            Bounds::Paths | Bounds::Box { .. } => f.write_str("the volume's box"),
+        }
     }
 }
 
@@ -184,7 +199,7 @@ macro_rules! volume_table {
     ($(#[$doc:meta])* $name:ident { $($field:ident: $type:ty),* $(,)? }) => {
         $(#[$doc])*
         #[derive(Clone, Debug, Deserialize)]
-        #[serde(deny_unknown_fields)]
+        #[serde(deny_unknown_fields, expecting = "a table with `bounds`")]
         struct $name {
             bounds: Spanned<BoundsFile>,
             interpolation: Option<Spanned<String>>,
@@ -246,7 +261,7 @@ pub struct VolumeFile {
 
 /// Samples along the paths of objects.
 #[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table with `samples`")]
 struct PathFile {
     samples: Spanned<i64>,
 }
@@ -303,6 +318,14 @@ impl VolumeFile {
             ),
             ("path", table([required("samples", whole(1, 4096))])),
         ]
+    }
+
+    /// Where its table says `bounds`.
+    pub fn bounds_place(&self) -> Option<Range<usize>> {
+        let grid = self.grid.as_ref().map(|grid| &grid.get_ref().bounds);
+        let two_level = self.two_level.as_ref().map(|two_level| &two_level.get_ref().bounds);
+        let octree = self.octree.as_ref().map(|octree| &octree.get_ref().bounds);
+        grid.or(two_level).or(octree).map(Spanned::span)
     }
 
     /// The name of its heuristic, as its table says it.
@@ -388,7 +411,8 @@ impl VolumeFile {
         let structure = Structure::Octree { roots, min_level, max_level, heuristic, across, cull };
         let volume = volume(source, octree.common(), structure, setting)?;
         if across == Across::Continuous && !can_be_continuous(&volume.interpolation) {
-            let place = octree.across.as_ref().map_or(octree.min_level.span(), Spanned::span);
+            let word = octree.interpolation.as_ref().map_or(octree.min_level.span(), Spanned::span);
+            let place = octree.across.as_ref().map_or(word, Spanned::span);
             let message = format!(
                 "across = \"continuous\" with `{}`, which jumps within one level already",
                 volume.interpolation.key()

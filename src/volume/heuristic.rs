@@ -87,20 +87,20 @@ pub struct CriterionFile {
 }
 
 #[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table with `threshold`")]
 struct ThresholdFile {
     threshold: Spanned<Finite>,
 }
 
 #[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table, empty or with `from`")]
 struct GeometryFile {
     #[serde(default)]
     from: Evidence,
 }
 
 #[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table with `threshold`")]
 struct HarmonicFile {
     threshold: Spanned<Finite>,
     #[serde(default = "yes")]

@@ -19,6 +19,7 @@ const ROOMS: &str = "schema_version = 1\ntitle = \"rooms\"\n\
 const WAY: &str = "schema_version = 1\ntitle = \"way\"\n\
     [[object]]\nname = \"ball\"\nreceiver = true\nshape = { sphere = { center = [0, 0, 0], radius = 0.05 } }\n\
     path = { points = [[-0.9, 0.4, 0.4], [0.9, 0.4, 0.4]] }\n\
+    [[object]]\nname = \"leaf\"\nreceiver = true\nshape = { quad = { center = [0, 0.7, 0], u = [0.1, 0, 0], v = [0, 0, -0.1] } }\n\
     [[receiver]]\nname = \"volume\"\nbounds = { min = [-1, -1, -1], max = [1, 1, 1] }\n\
     [animation]\nframes = 2\n";
 
@@ -393,6 +394,12 @@ fn bad_volumes_are_told_before_anything_runs() {
         ("grid = { bounds = \"nowhere\", samples = [2, 2, 2] }".to_owned(), "no receiver or bounds `nowhere`"),
         ("grid = { bounds = { min = [0, 0, 0], max = [1, 0, 1] }, samples = [2, 2, 2] }".to_owned(), "an empty box"),
         ("grid = { bounds = { min = [0, 0, 0], max = [1, inf, 1] }, samples = [2, 2, 2] }".to_owned(), "finite"),
+        ("grid = { bounds = { min = [-1e308, 0, 0], max = [1e308, 1, 1] }, samples = [2, 2, 2] }".to_owned(), "1e-6 to 1e9 m"),
+        ("grid = { bounds = { min = [0, 0, 0], max = [1, 1, 1e-320] }, samples = [2, 2, 2] }".to_owned(), "toml:21:19: "),
+        ("grid = { bounds = \"leaf\", samples = [2, 2, 2] }".to_owned(), "the box of `leaf` is empty: 0.2 x 0 x 0.2 m"),
+        (format!("gird = {{ {bounds}, samples = [2, 2, 2] }}"), "did you mean `grid`"),
+        (format!("grid = {{ {bounds}, samples = [2, 2, 2] }}\nconstant = {{}}"), "`grid` and `constant` in one rig"),
+        ("grid = 3".to_owned(), "a table with `bounds`"),
         ("grid = { bounds = { min = [0, 0, 0], max = [1, nan, 1] }, samples = [2, 2, 2] }".to_owned(), "finite"),
         ("grid = { samples = [2, 2, 2] }".to_owned(), "bounds"),
         (format!("octree = {{ {bounds}, min_level = 4, max_level = 2 }}"), "below min_level"),
@@ -423,6 +430,7 @@ fn bad_volumes_are_told_before_anything_runs() {
         ("any = []", "of nothing"),
         ("error = { threshold = 0.1 }\nprune = { threshold = 0.1 }", "list them in `any`"),
         ("harmonic_mean = { treshold = 0.1 }", "threshold"),
+        ("error = 0.1", "expected a table with `threshold`"),
     ] {
         let more = format!("heuristic = [\"mine\"]\n[heuristic.mine]\n{heuristic}\n");
         let table = format!("octree = {{ {bounds}, min_level = 0, max_level = 2 }}");

@@ -84,7 +84,7 @@ fn grazing(slope: f64) -> (TracedGeometry, DVec3) {
     let along = DVec3::new(1.0, rise, 0.0);
     let mut geometry = TracedGeometry::default();
     let shining = TracedMaterial { albedo: Rgb::zero(), emission: Rgb::new(1.0, 2.0, 3.0) };
-    geometry.add_quad(shining, place + along - DVec3::Y * slope, along * 0.5, DVec3::Z * -1.5);
+    geometry.add_quad(shining, place + along - DVec3::Y * slope, along * 0.5, DVec3::Z * -1.2);
     (geometry, place)
 }
 

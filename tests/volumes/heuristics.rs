@@ -451,7 +451,10 @@ fn trees_and_nested_grids_by_triangles() {
         assert!(exact.places.len() < volume.places.len());
         if effects == Effects::NONE {
             assert_eq!((volume.counts.depth_rays, volume.counts.inside), (0, 0));
-            assert!(exact.values.vector(0).iter().zip(volume.values.vector(0)).all(|(a, b)| a == b));
+            for (place, sample) in exact.places.iter().zip(0..) {
+                let own = volume.places.iter().position(|own| own == place).unwrap();
+                assert_eq!(exact.values.vector(sample), volume.values.vector(own));
+            }
         }
 
         // 4 x 2 x 4 cells of which each with geometry holds 4 x 4 x 4
@@ -520,7 +523,7 @@ fn geometry_that_would_burst_the_budget_is_told_before_it_is_built() {
     for (table, level) in [
         (format!("two_level = {{ {BOX}, samples = [40, 40, 40], inner = 64 }}"), None),
         (octree_to_level_twelve("contains_geometry", 2000), Some(4)),
-        (octree_to_level_twelve("harmonic_mean", 100), Some(2)),
+        (octree_to_level_twelve("harmonic_mean", 100), Some(3)),
     ] {
         let begun = std::time::Instant::now();
         match bake(&Volume::inline(&table).unwrap(), &around) {
