@@ -216,7 +216,8 @@ fn rig_definitions(tree: &mut toml::de::DeTable<'_>, source: &Source) -> Result<
                 }
                 match (among(&VolumeFile::KEYS), among(AnyRig::KEYS)) {
                     (Some(volume), Some(rig)) => {
-                        let message = format!("`{}` and `{}` in one rig; a rig has one key", volume.get_ref(), rig.get_ref());
+                        let message =
+                            format!("`{}` and `{}` in one rig; a rig has one key", volume.get_ref(), rig.get_ref());
                         return Err(source.error(rig.span(), message));
                     }
                     (volume, _) => volume.is_some(),

@@ -394,8 +394,14 @@ fn bad_volumes_are_told_before_anything_runs() {
         ("grid = { bounds = \"nowhere\", samples = [2, 2, 2] }".to_owned(), "no receiver or bounds `nowhere`"),
         ("grid = { bounds = { min = [0, 0, 0], max = [1, 0, 1] }, samples = [2, 2, 2] }".to_owned(), "an empty box"),
         ("grid = { bounds = { min = [0, 0, 0], max = [1, inf, 1] }, samples = [2, 2, 2] }".to_owned(), "finite"),
-        ("grid = { bounds = { min = [-1e308, 0, 0], max = [1e308, 1, 1] }, samples = [2, 2, 2] }".to_owned(), "1e-6 to 1e9 m"),
-        ("grid = { bounds = { min = [0, 0, 0], max = [1, 1, 1e-320] }, samples = [2, 2, 2] }".to_owned(), "toml:21:19: "),
+        (
+            "grid = { bounds = { min = [-1e308, 0, 0], max = [1e308, 1, 1] }, samples = [2, 2, 2] }".to_owned(),
+            "1e-6 to 1e9 m",
+        ),
+        (
+            "grid = { bounds = { min = [0, 0, 0], max = [1, 1, 1e-320] }, samples = [2, 2, 2] }".to_owned(),
+            "toml:21:19: ",
+        ),
         ("grid = { bounds = \"leaf\", samples = [2, 2, 2] }".to_owned(), "the box of `leaf` is empty: 0.2 x 0 x 0.2 m"),
         (format!("gird = {{ {bounds}, samples = [2, 2, 2] }}"), "did you mean `grid`"),
         (format!("grid = {{ {bounds}, samples = [2, 2, 2] }}\nconstant = {{}}"), "`grid` and `constant` in one rig"),
