@@ -550,7 +550,7 @@ max = 0.05
         ),
         ("[window.soft]", "[[study]]\nname = \"s\"\nwrap_lobe = { wraps = [1.5] }\n[window.soft]", "1.5", "0 to 1", ""),
         // definitions
-        ("[rig.constant]\nconstant = {}", "[rig.constant]\nconstnt = {}", "constnt", "unknown field", "`constant`"),
+        ("[rig.constant]\nconstant = {}", "[rig.constant]\nconstnt = {}", "constnt", "unknown rig", "`constant`"),
         ("[rig.constant]\nconstant = {}", "[rig.constant]", "[rig.constant]", "no rig", ""),
         (
             "[rig.constant]\nconstant = {}",

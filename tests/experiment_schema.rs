@@ -421,7 +421,7 @@ fn program_and_schema_agree_on_experiments() {
             ("backend = [\"cpu\", \"gpu\"]", "backend = [\"cpu\", \"tpu\"]"),
             ("storage = [\"buffer\"]", "storage = [\"disk\"]"),
             ("precision = [\"f32\"]", "precisoin = [\"f32\"]"),
-            ("precision = [\"f32\"]", "heuristic = [3]"),
+            ("heuristic = [\"error\", \"either\"]", "heuristic = [3]"),
             ("constant = {}\n", ""),
             ("constant = {}\n", "constant = {}\ngradient = {}\n"),
             ("constant = {}\n", "constant = { order = 3 }\n"),
