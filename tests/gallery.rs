@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use rigbench::figure::gallery::{REFRESH, complaints, keep, manifest, refresh};
+use rigbench::figure::{FORMS, TABULAR};
 
 fn gallery() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("results/gallery")
@@ -16,7 +17,13 @@ fn every_byte_of_the_gallery_is_the_committed_one() {
     }
     let found = complaints(&gallery()).unwrap();
     assert!(found.is_empty(), "{}\nif this is meant: {REFRESH}", found.join("\n"));
-    assert!(manifest(&gallery()).unwrap().len() >= 5);
+    let manifest = manifest(&gallery()).unwrap();
+    assert!(manifest.len() >= 5);
+    // a figure is there in every form; what was never drawn is a table alone
+    for (name, entry) in &manifest {
+        let forms: Vec<&str> = entry.files.keys().map(String::as_str).filter(|form| *form != TABULAR).collect();
+        assert!(forms == FORMS || forms == ["csv"], "{name}: {forms:?}");
+    }
 }
 
 #[test]
