@@ -24,6 +24,8 @@ pub struct Reading<'a> {
     pub mesh: Option<&'a Mesh>,
     /// Its boxes in the frames before this one, from the first on.
     pub before: &'a [OrientedBox],
+    /// The volumes of those frames, where each has its own.
+    pub volumes_before: &'a [Arc<BakedVolume>],
     /// Its place among the scene's objects.
     pub object: usize,
     /// Frames of the animation.
@@ -48,10 +50,7 @@ pub(super) struct CpuVolume<T: Real> {
     baked: Arc<BakedVolume>,
     bounds: OrientedBox,
     bands: [T; MAX_ORDER],
-    /// Boxes up to this frame.
-    boxes: Vec<OrientedBox>,
-    /// Place among the objects, and the time from 0 to 1.
-    at: (usize, f64),
+    way: Way,
     mesh: Option<Mesh>,
     baked_every_frame: bool,
     read: Read<T>,
@@ -60,12 +59,10 @@ pub(super) struct CpuVolume<T: Real> {
 impl<T: Real> CpuVolume<T> {
     /// `bands`: factors of the SH bands, those of the receiver's lobe.
     pub fn new(baked: Arc<BakedVolume>, bounds: OrientedBox, bands: [T; MAX_ORDER], reading: Reading) -> Self {
-        let boxes: Vec<OrientedBox> = reading.before.iter().copied().chain([bounds]).collect();
+        let way = Way::new(&reading, bounds);
         let mesh = reading.mesh.filter(|_| baked.volume.lookup == Lookup::PerVertex).cloned();
-        let time = reading.before.len() as f64 / reading.frames.saturating_sub(1).max(1) as f64;
-        let at = (reading.object, time);
-        let read = read(&baked, &boxes, at, mesh.as_ref(), &bands);
-        Self { baked, bounds, bands, boxes, at, mesh, baked_every_frame: reading.baked_every_frame, read }
+        let read = read(&baked, &way, way.first(&baked), mesh.as_ref(), &bands);
+        Self { baked, bounds, bands, way, mesh, baked_every_frame: reading.baked_every_frame, read }
     }
 
     fn local(&self, points: &[SurfacePoint]) -> LocalPoints<T> {
@@ -77,11 +74,45 @@ impl<T: Real> CpuVolume<T> {
     }
 }
 
-/// Radiance vectors at the centre of a receiver's box: value, then its derivatives along the receiver's axes; smoothed over the frames.
-fn object_vectors(baked: &BakedVolume, boxes: &[OrientedBox], at: (usize, f64)) -> ShVectors<f64> {
-    let read = |bounds: &OrientedBox| -> Vec<f64> {
+/// A receiver in the frames up to one.
+struct Way {
+    object: usize,
+    /// Its boxes, the frame's own last.
+    boxes: Vec<OrientedBox>,
+    /// The volumes of the frames before, where each has its own.
+    volumes: Vec<Arc<BakedVolume>>,
+    /// The number of the animation's last frame.
+    end: f64,
+}
+
+impl Way {
+    fn new(reading: &Reading, bounds: OrientedBox) -> Self {
+        Self {
+            object: reading.object,
+            boxes: reading.before.iter().copied().chain([bounds]).collect(),
+            volumes: reading.volumes_before.to_vec(),
+            end: reading.frames.saturating_sub(1).max(1) as f64,
+        }
+    }
+
+    /// The first frame that counts: where all of the way is gone each frame, the last alone.
+    fn first(&self, baked: &BakedVolume) -> usize {
+        if baked.volume.smoothing < 1.0 { 0 } else { self.last() }
+    }
+
+    fn last(&self) -> usize {
+        self.boxes.len() - 1
+    }
+}
+
+/// Radiance vectors at the centre of a receiver's box: value, then its derivatives along the receiver's axes; smoothed over the frames
+/// from `first` on, each read in its own volume and at its own time.
+fn object_vectors(baked: &BakedVolume, way: &Way, first: usize) -> ShVectors<f64> {
+    let read = |frame: usize| -> Vec<f64> {
+        let baked = way.volumes.get(frame).map_or(baked, |own| own);
+        let bounds = &way.boxes[frame];
         let [value, x, y, z] = match baked.volume.is_path() {
-            true => baked.along_path(at.0, at.1),
+            true => baked.along_path(way.object, frame as f64 / way.end),
             false => baked.value_and_slopes(baked.bounds.local(bounds.center).to_array()),
         };
         // from the volume's axes to the receiver's
@@ -92,11 +123,9 @@ fn object_vectors(baked: &BakedVolume, boxes: &[OrientedBox], at: (usize, f64)) 
         value.iter().copied().chain(turned).collect()
     };
     let smoothing = baked.volume.smoothing;
-    // where all of the way is gone each frame, the last frame is all that counts
-    let from = if smoothing < 1.0 { 0 } else { boxes.len() - 1 };
-    let mut state = read(&boxes[from]);
-    for bounds in &boxes[from + 1..] {
-        state.iter_mut().zip(read(bounds)).for_each(|(s, r)| *s += smoothing * (r - *s));
+    let mut state = read(first);
+    for frame in first + 1..=way.last() {
+        state.iter_mut().zip(read(frame)).for_each(|(s, r)| *s += smoothing * (r - *s));
     }
     ShVectors { order: baked.values.order, data: state }
 }
@@ -140,19 +169,13 @@ pub fn along_path(volumes: &[Arc<BakedVolume>], places: &[DVec3], object: usize)
     seen
 }
 
-fn read<T: Real>(
-    baked: &BakedVolume,
-    boxes: &[OrientedBox],
-    at: (usize, f64),
-    mesh: Option<&Mesh>,
-    bands: &[T; MAX_ORDER],
-) -> Read<T> {
+fn read<T: Real>(baked: &BakedVolume, way: &Way, first: usize, mesh: Option<&Mesh>, bands: &[T; MAX_ORDER]) -> Read<T> {
     match (baked.volume.lookup, mesh) {
         (Lookup::PerObject, _) => {
-            let half = boxes[boxes.len() - 1].half;
+            let half = way.boxes[way.last()].half;
             Read::PerObject {
                 model: AnyRig::Gradient(Gradient {}).model(half),
-                vectors: Packed::new(object_vectors(baked, boxes, at).rounded::<T>().convolved(bands)),
+                vectors: Packed::new(object_vectors(baked, way, first).rounded::<T>().convolved(bands)),
             }
         }
         (Lookup::PerVertex, Some(mesh)) => {
@@ -294,8 +317,8 @@ impl<T: Real> Timed for TimedVolume<'_, T> {
         Ok(bake
             + seconds_of(|| {
                 if !matches!(read, Read::PerPoint { .. }) {
-                    let last = &volume.boxes[volume.boxes.len() - 1..];
-                    *read = self::read(&volume.baked, last, volume.at, volume.mesh.as_ref(), &volume.bands);
+                    let way = &volume.way;
+                    *read = self::read(&volume.baked, way, way.last(), volume.mesh.as_ref(), &volume.bands);
                 }
             }))
     }
@@ -357,7 +380,6 @@ impl GpuVolume {
         bands: &[f32; MAX_ORDER],
     ) -> Result<Self, CandidateError> {
         let order = baked.values.order;
-        let boxes: Vec<OrientedBox> = reading.before.iter().copied().chain([around.bounds]).collect();
         // an object without a surface has no vertices
         let lookup = match (baked.volume.lookup, reading.mesh) {
             (Lookup::PerVertex, None) => Lookup::PerPoint,
@@ -365,8 +387,8 @@ impl GpuVolume {
         };
         let read = match (lookup, baked.lattice()) {
             (Lookup::PerObject, _) => {
-                let time = reading.before.len() as f64 / reading.frames.saturating_sub(1).max(1) as f64;
-                let vectors = object_vectors(&baked, &boxes, (reading.object, time));
+                let way = Way::new(&reading, around.bounds);
+                let vectors = object_vectors(&baked, &way, way.first(&baked));
                 GpuRead::Rig {
                     pipeline: bench.pipeline(&AnyRig::Gradient(Gradient {}), around.bounds.half, order, false)?,
                     vectors: vectors.rounded::<f32>().convolved(bands),

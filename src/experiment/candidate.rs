@@ -156,6 +156,10 @@ impl Candidate {
                 Method::Volume { freeze_frame: None, .. } if self.lights_move() => json!("every_frame_and_walk"),
                 _ => Value::Null,
             },
+            "probes_draw": match self.probe_source {
+                Some(source) if source.on_gpu() => json!("lights and maps by what passes"),
+                _ => Value::Null,
+            },
             "gradient_source": self.gradient_source,
             "window": self.window,
             "transition": self.transition,

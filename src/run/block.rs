@@ -327,6 +327,7 @@ impl Block {
                         let reading = Reading {
                             mesh: part.mesh.as_ref(),
                             before: &before,
+                            volumes_before: recipe.volume_of_frame.get(..before.len()).unwrap_or_default(),
                             object: index,
                             frames,
                             baked_every_frame: recipe.volume_every_frame,

@@ -295,6 +295,14 @@ fn smoothing_spreads_a_step_over_frames() {
     let e = irradiance(&volume, object(&now), reading, &[point])[0];
     let expected = of_field(seen[first + 2][0], DVec3::Y);
     assert!((e.g - expected).abs() < 1e-10, "{} for {expected}", e.g);
+    // where every frame has a volume of its own, each was read in its frame
+    let brighter: Vec<Arc<BakedVolume>> =
+        (0..places.len()).map(|k| Arc::new(filled((*volume).clone(), |_| 1.0 + k as f64, |_| DVec3::ZERO))).collect();
+    let frame = first + 2;
+    let reading = Reading { volumes_before: &brighter[..frame], ..reading };
+    let e = irradiance(&brighter[frame], object(&now), reading, &[point])[0];
+    let expected = of_field(along_path(&brighter, &places, 0)[frame][0], DVec3::Y);
+    assert!((e.g - expected).abs() < 1e-10, "{} for {expected}", e.g);
 }
 
 /// Where lights move a walk reads the volumes of its time, evenly from frame to frame.
