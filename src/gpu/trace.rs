@@ -1,7 +1,5 @@
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
-use obvhs::bvh2::Bvh2;
-use obvhs::ploc::PlocBuilder;
 use rayon::prelude::*;
 
 use super::pass::{BoundPass, Grid, Parameters, PointPass};
@@ -10,6 +8,7 @@ use crate::light::{Constant, Environment, Light, LightShape};
 use crate::math::{Rgb, Vector3};
 use crate::probe::{ProbeDevice, TraceTask};
 use crate::rig::LocalPoints;
+use crate::scene::binary_bvh;
 use crate::trace::{
     Arrival, Bounces, Counters, Effects, Effort, Estimate, Gather, LightChoice, Origin, Projected, ProjectionGather,
     TracedGeometry, Transport,
@@ -29,8 +28,8 @@ pub(super) const KIND_MAP: u32 = 6;
 const ARRIVAL_ROWS: usize = 7;
 /// As for the CPU's rays: 32 roundings of the largest coordinate.
 const EPSILON: f32 = 32.0 * f32::EPSILON;
-/// Levels of the tree that the shader's stack holds.
-const DEEPEST: usize = 32;
+/// Nodes that the shader's stack holds.
+const STACK: usize = 48;
 /// Paths of one run: 60 MB of arrivals.
 const MOST_PATHS: usize = 1 << 19;
 /// The number of a path is kept in an f32.
@@ -84,7 +83,7 @@ pub struct ProbeEstimate {
 }
 
 impl ProbeTracer {
-    /// Refuses trees deeper than its stack.
+    /// Refuses scenes whose tree the adapter cannot bind.
     pub fn new(
         gpu: &Gpu,
         geometry: &TracedGeometry,
@@ -414,6 +413,7 @@ impl Packed {
             .with_count("EMITTERS", self.emitters as u32)
             .with_count("LIGHTS", self.lights as u32)
             .with_count("TRIANGLE_ROWS", TRIANGLE_ROWS as u32)
+            .with_count("STACK", STACK as u32)
             .with_number("EPSILON", EPSILON)
             .with_number("EDGE", 8.0 * f32::EPSILON)
             .with_number("HALF_DIAGONAL", self.half_diagonal)
@@ -444,7 +444,8 @@ impl Packed {
                 bounds
             })
             .collect();
-        let tree = tree(&boxes)?;
+        // a ray puts aside one node at each inner level
+        let tree = binary_bvh(&boxes, STACK + 1);
         let mut rows = vec![[0.0f32; 4]; HEADER_ROWS];
 
         let nodes = rows.len();
@@ -536,39 +537,6 @@ impl Packed {
             sources: tree.primitive_indices,
             drawn: kinds,
         })
-    }
-}
-
-/// A binary tree by obvhs, with all leaves within the reach of the shader's stack.
-fn tree(boxes: &[Aabb]) -> Result<Bvh2, GpuError> {
-    if boxes.is_empty() {
-        return Ok(Bvh2::default());
-    }
-    let params = obvhs::BvhBuildParams::medium_build();
-    let indices = (0..boxes.len() as u32).collect();
-    let tree = PlocBuilder::with_capacity(boxes.len()).build(
-        params.ploc_search_distance,
-        boxes,
-        indices,
-        params.sort_precision,
-        params.search_depth_threshold,
-    );
-    let mut deepest = 0;
-    let mut waiting = vec![(0u32, 1usize)];
-    while let Some((index, level)) = waiting.pop() {
-        deepest = deepest.max(level);
-        let node = &tree.nodes[index as usize];
-        if node.prim_count == 0 {
-            waiting.extend([(node.first_index, level + 1), (node.first_index + 1, level + 1)]);
-        }
-    }
-    match deepest <= DEEPEST {
-        true => Ok(tree),
-        false => Err(GpuError::TooLarge {
-            what: "the depth of the tree over the scene",
-            needed: deepest as u64,
-            limit: DEEPEST as u64,
-        }),
     }
 }
 

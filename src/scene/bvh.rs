@@ -27,15 +27,8 @@ pub fn wide_bvh(boxes: &[impl Boundable]) -> CwBvh {
     if boxes.is_empty() {
         return CwBvh::default();
     }
-    if most_alike(boxes) <= MOST_ALIKE {
+    if let Some(mut tree) = paired(boxes) {
         let params = BvhBuildParams::medium_build();
-        let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
-            params.ploc_search_distance,
-            boxes,
-            (0..boxes.len() as u32).collect(),
-            params.sort_precision,
-            params.search_depth_threshold,
-        );
         ReinsertionOptimizer::default().run(&mut tree, params.reinsertion_batch_ratio, None);
         let wide = bvh2_to_cwbvh(&tree, LEAF, true, false);
         if depth(&wide) <= DEEPEST {
@@ -43,6 +36,42 @@ pub fn wide_bvh(boxes: &[impl Boundable]) -> CwBvh {
         }
     }
     bvh2_to_cwbvh(&halved(boxes), LEAF, true, false)
+}
+
+/// A binary tree over boxes with at most so many levels, the root's among them: obvhs's (PLOC) where it is so shallow, else halves of
+/// equal number, whose levels are the logarithm of their number.
+pub fn binary_bvh(boxes: &[impl Boundable], most_levels: usize) -> Bvh2 {
+    if boxes.is_empty() {
+        return Bvh2::default();
+    }
+    paired(boxes).filter(|tree| levels(tree) <= most_levels).unwrap_or_else(|| halved(boxes))
+}
+
+/// By obvhs's own builder, which pairs neighbours; not where many boxes are the same.
+fn paired(boxes: &[impl Boundable]) -> Option<Bvh2> {
+    let params = BvhBuildParams::medium_build();
+    (most_alike(boxes) <= MOST_ALIKE).then(|| {
+        PlocBuilder::with_capacity(boxes.len()).build(
+            params.ploc_search_distance,
+            boxes,
+            (0..boxes.len() as u32).collect(),
+            params.sort_precision,
+            params.search_depth_threshold,
+        )
+    })
+}
+
+fn levels(tree: &Bvh2) -> usize {
+    let mut deepest = 0;
+    let mut waiting = vec![(0, 1)];
+    while let Some((index, level)) = waiting.pop() {
+        deepest = deepest.max(level);
+        let node = &tree.nodes[index as usize];
+        if node.prim_count == 0 {
+            waiting.extend([(node.first_index, level + 1), (node.first_index + 1, level + 1)]);
+        }
+    }
+    deepest
 }
 
 /// How many boxes are one and the same, the most of any.
@@ -151,7 +180,12 @@ mod tests {
             let tree = wide_bvh(boxes);
             assert!(depth(&tree) <= DEEPEST, "{} levels", depth(&tree));
             holds(boxes, &tree);
+            // a binary one too, whatever it may be deep
+            for most in [20, 48] {
+                assert!(levels(&binary_bvh(boxes, most)) <= most, "{} levels", levels(&binary_bvh(boxes, most)));
+            }
         }
+        assert!(levels(&paired(&nested).unwrap()) > 20, "a tree that is too deep");
         assert!(depth(&wide_bvh(&ordinary)) < 8);
         holds(&ordinary, &bvh2_to_cwbvh(&halved(&ordinary), LEAF, true, false));
         assert!(wide_bvh(&Vec::<Aabb>::new()).nodes.is_empty());

@@ -17,7 +17,7 @@ mod shape;
 mod transform;
 
 pub use bounds::OrientedBox;
-pub use bvh::wide_bvh;
+pub use bvh::{binary_bvh, wide_bvh};
 pub use camera::{Camera, Raster};
 pub use file::{PathFile, Scene, SceneFile};
 pub use finder::SurfaceFinder;

@@ -11,7 +11,6 @@
 
 const NO_HIT: f32 = 3.0e38;
 const PI: f32 = 3.14159265358979;
-const STACK: u32 = 32u;
 const ROULETTE_FROM: u32 = 4u;
 const HIGHEST_SURVIVAL: f32 = 0.98;
 
