@@ -62,7 +62,7 @@ impl Bounds {
             return Err(format!("{self} is empty: {x} x {y} x {z} m"));
         }
         if [x, y, z].iter().any(|extent| !(least..=most).contains(extent)) {
-            return Err(format!("{self} is {x} x {y} x {z} m; allowed: {least:e} to {most:e} m along each axis"));
+            return Err(format!("{self} is {x:?} x {y:?} x {z:?} m; allowed: {least:e} to {most:e} m along each axis"));
         }
         Ok(found)
     }
