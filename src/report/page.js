@@ -39,7 +39,7 @@
     if (column.includes('_ns')) return unit(v * 1e-9, 's');
     if (column.endsWith('_bytes')) return unit(v, 'B');
     const about = data.about[column] || {};
-    if (about.kind === 'quality' || about.kind === 'cost') return digits(v) + (about.unit ? ' ' + about.unit.replace('^2', '²') : '');
+    if (about.kind === 'quality' || about.kind === 'cost' || about.unit) return digits(v) + (about.unit ? ' ' + about.unit.replace('^2', '²') : '');
     return t;
   };
 
