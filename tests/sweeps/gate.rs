@@ -475,12 +475,17 @@ fn a_rig_that_sets_up_twice_as_long_is_caught_and_noise_is_not() {
     };
     let (exit, told) = again("", "noise");
     assert!(exit == 0 && told.len() == 8 && told.iter().all(|line| !line.starts_with("not")), "{told:#?}");
-    let (exit, told) = again("slow:lattice", "slow");
-    assert_eq!(exit, 101, "{told:#?}");
-    for line in told {
-        let is_slow = line.contains("setup_us") && line.contains("ball lamp lattice");
-        assert_eq!(line.starts_with("FAILED"), is_slow, "{line}");
-    }
+    // on a machine so busy that twice the time lies within the noise nothing is said, and the next look tells
+    let caught = (0..6).any(|look| {
+        let (exit, told) = again("slow:lattice", &format!("slow-{look}"));
+        let failed: Vec<&String> = told.iter().filter(|line| line.starts_with("FAILED")).collect();
+        assert_eq!(exit, if failed.is_empty() { 0 } else { 101 }, "{told:#?}");
+        for line in &failed {
+            assert!(line.contains("setup_us") && line.contains("ball lamp lattice"), "{line}");
+        }
+        !failed.is_empty()
+    });
+    assert!(caught, "six looks at a rig that sets up twice as long");
 }
 
 /// How often a rig of a block is found slower, of many blocks whose times scatter as times do.
